@@ -1,4 +1,4 @@
-"""Make a solution exact: from the rows that a solver reports as active to the solution on the right ones."""
+"""Active-set method: refines an approximate solution of a solver to the exact solution on the active rows."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ Rows = NDArray[np.intp]
 
 
 def solve_exactly(program: QuadraticProgram, guess: Rows, pinned: Rows, inside: Array) -> Array:
-    """The solution of a program by a primal active-set method (Harkegard 2002) that starts from a guess.
+    """Solve a program by a primal active-set method (Harkegard 2002) that starts from a guess of the active rows.
 
-    A good guess is confirmed by one linear solve. A bad one is abandoned for a point that keeps to all rows; from there
-    each iteration goes to the best point on the working rows, stops at the first other row in its way and adds it, or
-    drops a row whose multiplier has the wrong sign. The rows are never broken on the way.
+    One linear solve confirms a correct guess. If its solution violates a row, the method restarts from the feasible
+    point `inside`. Each iteration moves towards the best point on the working rows; it stops at the first other row
+    that it reaches and adds that row, or it drops a row whose multiplier has the wrong sign. Every iterate is feasible.
 
     Args:
-        program: what to solve.
+        program: the program to solve.
         guess: indices of the rows that are probably active.
-        pinned: indices of rows that hold with equality everywhere, which are never dropped.
-        inside: (m,) a point that keeps to all rows.
+        pinned: indices of rows that hold with equality everywhere; they are never dropped.
+        inside: (m,) a feasible point.
 
     Returns:
-        (m,) x. It is not certified: see `QuadraticProgram.residuals`.
+        (m,) x, not certified: see `QuadraticProgram.residuals`.
     """
     working = np.union1d(guess, pinned).astype(np.intp)
     x = program.on(working)
@@ -45,7 +45,7 @@ def solve_exactly(program: QuadraticProgram, guess: Rows, pinned: Rows, inside: 
 
 
 def _until_blocked(program: QuadraticProgram, x: Array, step: Array, working: Rows) -> tuple[Array, int | None]:
-    """x after as much of the step as the other rows allow, and the row that stopped it."""
+    """x after the largest part of the step that the other rows allow, and the row that limits it (None: full step)."""
     towards = program.C @ step
     towards[working] = 0.0
     slack = np.maximum(program.d - program.C @ x, 0.0)
@@ -57,7 +57,7 @@ def _until_blocked(program: QuadraticProgram, x: Array, step: Array, working: Ro
 
 
 def _wrong_row(multipliers: Array, kept: NDArray[np.bool_]) -> int | None:
-    """The row whose multipliers say most clearly that it should go, in the order of the aims."""
+    """The row with the most negative multiplier, for the first objective before the second; None: x is optimal."""
     for aim in multipliers.T:
         judged = np.where(kept, 0.0, aim)
         if np.min(judged, initial=0.0) < 0.0:

@@ -13,17 +13,18 @@ from plant.errors import BadParameter
 Array = NDArray[np.float64]
 
 _MOST_DRIVES = 12
-"""Senses are tried one by one: 2^11 linear programs take a few seconds."""
+"""The directions are tried one by one: 2^11 linear programs take a few seconds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Admissibility:
-    """The verdict on one drive structure.
+    """Whether a drive structure is admissible, and how evenly it shares the preload.
 
     Attributes:
         admissible: whether drives that only push can produce every joint torque and a preload of any size.
-        score: least entry of the best null vector whose entries sum to one, in 0 (not admissible) .. 1/m (balanced).
-        null_vector: (m,) that null vector, the direction of preload; zeros if there is none.
+        score: smallest entry of the null vector below, from 0 (not admissible) to 1/m (balanced).
+        null_vector: (m,) the null vector with entries that sum to one and the largest smallest entry: the direction of
+            preload; zeros if there is none.
         rank: rank of A.
     """
 
@@ -37,7 +38,7 @@ def structure_matrix(A: ArrayLike) -> Array:
     """A as a matrix (n, m) of finite numbers.
 
     Raises:
-        BadParameter: it is none.
+        BadParameter: A is not a finite matrix.
     """
     try:
         matrix = np.array(A, dtype=np.float64)
@@ -49,9 +50,9 @@ def structure_matrix(A: ArrayLike) -> Array:
 
 
 def null_space(A: ArrayLike) -> Array:
-    """Orthonormal basis (m, m - rank A) of the drive torques xi that move nothing, A xi = 0.
+    """Orthonormal basis (m, m - rank A) of the drive torques xi without joint torque, A xi = 0.
 
-    For the paper's two pinions it is the one direction [N1, -N2] of equation (3), as a unit vector.
+    For the paper's two pinions it is the single direction [N1, -N2] of equation (3), as a unit vector.
 
     Raises:
         BadParameter: A is not a finite matrix.
@@ -63,13 +64,13 @@ def null_space(A: ArrayLike) -> Array:
 def admissible(A: ArrayLike) -> Admissibility:
     """Decide whether u = A xi with xi >= 0 is an admissible redundant-drive structure (Chang and Tsai 1993).
 
-    A (n x m) maps the torques of m unidirectional drives to n joints; a drive's sense is the sign of its column. The
-    structure is admissible if and only if rank A = n, A v = 0 has a strictly positive solution, and every drive takes
-    part (no column is zero). The linear program
+    A (n x m) maps the torques of m unidirectional drives to n joints; the sign of a column is the drive's direction.
+    The structure is admissible if and only if rank A = n, A v = 0 has a strictly positive solution, and no column is
+    zero. The linear program
 
         maximise t   subject to   A v = 0,  v >= t,  sum v = 1
 
-    decides it and scores how evenly the preload can be shared.
+    finds v; its maximum t scores how evenly the drives can share the preload.
 
     Raises:
         BadParameter: A is not a finite matrix.
@@ -96,10 +97,10 @@ def admissible(A: ArrayLike) -> Admissibility:
 
 
 def admissible_senses(A: ArrayLike) -> list[NDArray[np.int64]]:
-    """The senses (m,), each +1 or -1, in which drives with the torque map A (n x m) hold every joint free of backlash.
+    """Torque directions (m,), each +1 or -1, with which drives of torque map A (n x m) keep all joints backlash-free.
 
-    They are the sign patterns of the null vectors of A without a zero; with every sense its reverse is one too. For the
-    paper's two pinions: [+ -], which is lambda > 0 in equation (3), and [- +], which is lambda < 0.
+    They are the sign patterns of the null vectors of A without zero entries; the reverse of each is listed too. For
+    the paper's two pinions they are [+ -] (lambda > 0 in equation 3) and [- +] (lambda < 0).
 
     Raises:
         BadParameter: A is not a finite matrix, or has more than 12 columns.
@@ -114,7 +115,7 @@ def admissible_senses(A: ArrayLike) -> list[NDArray[np.int64]]:
 
 
 def _unit_rows(matrix: Array) -> Array:
-    """Rows of length one, so that joints of any size count alike."""
+    """Rows scaled to unit length, so that all joints have the same weight."""
     size = np.linalg.norm(matrix, axis=1, keepdims=True)
     return np.asarray(matrix / np.where(size > 0, size, 1.0))
 

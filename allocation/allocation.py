@@ -12,20 +12,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Allocation:
-    """How a torque is allocated to the drives, with the certificate of optimality.
+    """Torques allocated to the drives, with the certificate of optimality.
 
     Attributes:
         torques: (m,) torques of the drives (pinions) [N m], always inside their limits.
-        preload: lambda of equation (3) [N m per tooth]; of a structure that is no gear train, how much of its
-            `null_vector` the torques hold [N m].
-        status: "optimal", or "degraded: " and why.
+        preload: lambda of equation (3) [N m per tooth]; for a structure other than a gear train, the component of the
+            torques along its `null_vector` [N m].
+        status: "optimal", or "degraded: " and the reason.
         binding: names of the rows that hold with equality, as "drive 1: least torque".
-        margin: least motor or flank torque above the minimum, seen from the drive [N m]; negative if a flank may open.
-        missing_torque: demanded less delivered torque [N m]; a number for one joint, (n,) for several.
-        heat: sum of xi_i^2 [N^2 m^2], to which the Joule heat is proportional.
-        floor: (m,) least torque (with friction) of each flank now [N m]; it rises from zero while the preload
-            is built up.
-        primal_residual, dual_residual, duality_gap: how far from optimal, with torques in units of the greatest
+        margin: smallest motor or contact torque minus the minimum, seen from the drive [N m]; contact may be lost if
+            it is negative.
+        missing_torque: demanded minus delivered torque [N m]; a number for one joint, (n,) for several.
+        heat: sum of xi_i^2 [N^2 m^2], proportional to the Joule heat.
+        floor: (m,) minimum torque plus friction now required of each drive [N m]; it rises from zero while the
+            preload is built up.
+        primal_residual, dual_residual, duality_gap: distance from the optimum, with torques in units of the greatest
             torque; inf if no solution was found.
     """
 
@@ -42,5 +43,5 @@ class Allocation:
     duality_gap: float
 
     def is_optimal(self, tol: float) -> bool:
-        """Whether the demand is met at least effort within `tol`, with torques in units of the greatest torque."""
+        """Whether the demand is met with least effort within `tol`, with torques in units of the greatest torque."""
         return self.status == "optimal" and max(self.primal_residual, self.dual_residual, self.duality_gap) <= tol

@@ -25,35 +25,35 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Allocator:
-    """Share a torque among unidirectional drives at least effort; a single drive takes all of it, in both senses.
+    """Share a torque among unidirectional drives with least effort; a single drive gives all of it, in both directions.
 
         minimise    sum w_i xi_i^2
         subject to  A xi = tau                        (equation 2: -(Nf/N1) xi1 - (Nf/N2) xi2 = tau)
                     min_torque <= sigma_i xi_i <= max_torque           (xi1 >= min_torque, xi2 <= -min_torque)
-                    flank torque of each drive >= min_torque           (see `Limits`)
+                    contact torque of each drive >= min_torque         (see `Limits`)
                     |change of xi_i| <= torque_rate dt,  |change of the preload| <= preload_rate dt
 
-    When not everything can hold, what the motors can do comes first, then the preload, then the torque: the answer is
-    the reachable torque nearest to the demand, with the least effort that gives it. Two drives have a closed form;
-    any other structure is a quadratic program whose answer is made exact and proven (see `allocation.sharing`).
+    If not all of these can hold, motor limits have priority over the preload, and the preload over the torque: the
+    result is the reachable torque nearest to the demand, with least effort. Two drives have a closed form. For any
+    other structure a quadratic program is solved exactly and its solution is certified (see `allocation.sharing`).
 
     Attributes:
-        gears: a drive train, a `Structure`, or its matrix A (n, m) with the senses absorbed in the columns.
-        min_torque: least torque of each drive and flank, seen from the drive (pinion) [N m]. It has to cover what
-            vibration of the teeth takes.
-        max_torque: greatest torque of each drive in its sense [N m].
-        reverse_torque: greatest torque of a drive against its sense [N m], used when a loss has cost it its preload;
-            None: as `max_torque`. Zero for drives that cannot reverse.
-        weights: w; larger spares that drive.
-        rotor_inertia: of each motor at its shaft [kg m^2]; zero leaves rotors out.
-        motor_friction: dry friction of each motor at its shaft [N m], counted against the flank in either sense.
-        torque_rate: greatest change of each torque [N m/s].
-        preload_rate: greatest change of each drive's part of the preload [N m/s], see `Rows`; with it the preload
-            is built up from rest. A flank that needs more gets it at once.
+        gears: a drive train, a `Structure`, or its matrix A (n, m) with the directions as the signs of the columns.
+        min_torque: minimum motor and contact torque of each drive, seen from the drive (pinion) [N m]. It has to cover
+            vibration at the gear contact.
+        max_torque: greatest torque of each drive in its direction [N m].
+        reverse_torque: greatest torque of a drive against its direction [N m], used when the loss of another drive
+            leaves it without preload; None: same as `max_torque`. Zero for drives that cannot reverse.
+        weights: w; a larger weight reduces the torque of that drive.
+        rotor_inertia: of each motor at its shaft [kg m^2]; zero neglects the rotors.
+        motor_friction: dry friction of each motor at its shaft [N m], always subtracted from the contact torque.
+        torque_rate: greatest rate of each torque [N m/s].
+        preload_rate: greatest rate of each drive's part of the preload [N m/s], see `Rows`; with it the preload is
+            built up gradually from rest. It does not limit the torque that other limits require.
         lost: numbers, from 1, of the drives that give no torque.
-        solver: a QP solver that qpsolvers finds. None: the closed form for two drives, otherwise OSQP.
+        solver: a QP solver available in qpsolvers. None: the closed form for two drives, otherwise OSQP.
 
-    Every number for all drives may be a tuple with one for each.
+    A number that applies to each drive may be a tuple with one entry per drive.
 
     Raises:
         BadParameter: a number out of range, a structure that is not admissible, or a solver that is not installed.
@@ -99,7 +99,7 @@ class Allocator:
 
     @cached_property
     def bounds(self) -> Limits:
-        """What each drive may do."""
+        """Torque limits of each drive."""
         machine = self.gears
         return Limits(
             gears=machine if isinstance(machine, DriveTrain) else Structure.of(machine),
@@ -111,12 +111,12 @@ class Allocator:
 
     @cached_property
     def preloaded(self) -> NDArray[np.bool_]:
-        """(m,) which drives can hold a preload; where a remaining one cannot, its preload is lost."""
+        """(m,) which drives can be preloaded, given the lost drives; a single drive cannot."""
         drives = self.bounds.structure.drives
         return still_preloaded(self.bounds.structure, self.lost) if self.lost else np.full(drives, drives > 1)
 
     def without(self, drive: int) -> Allocator:
-        """The allocator that goes on when one more drive, of this number from 1, gives no torque."""
+        """The allocator for the case that one more drive (number from 1) gives no torque."""
         return replace(self, lost=(*self.lost, drive))
 
     def at_rest(self) -> Allocation:
@@ -138,8 +138,8 @@ class Allocator:
         Args:
             torque: on the joint (follower) [N m]; on several joints (n,).
             acceleration: of the joint [rad/s^2]; of several joints (n,).
-            before: what was handed out one step ago, from which the rates count. None: no rate limits.
-            dt: the step [s]; needed with `before`.
+            before: the result of the previous step, reference of the rate limits. None: no rate limits.
+            dt: the step [s]; required with `before`.
 
         Raises:
             BadParameter: a number that is not finite or of the wrong shape, or a step that is not positive.
@@ -190,7 +190,7 @@ class Allocator:
         return np.isin(np.arange(1, self.bounds.structure.drives + 1), self.lost)
 
     def _per_joint(self, name: str, value: ArrayLike) -> Array:
-        """(n,) finite numbers; one number serves for one joint, and for all of them if it is zero."""
+        """(n,) finite numbers; a scalar is accepted for one joint, and zero for several."""
         numbers, n = np.asarray(value, dtype=np.float64), self.bounds.structure.joints
         if not np.all(np.isfinite(numbers)):
             raise BadParameter(f"The {name} must be finite, not {value!r}.")
@@ -205,12 +205,12 @@ class Allocator:
         return numbers if len(numbers) > 1 else numbers[0]
 
     def _floor(self, before: Allocation | None, dt: float) -> Array:
-        """(m,) least torque and friction to hold now [N m], on its way from what was held before."""
+        """(m,) minimum torque plus friction required now [N m]: moves from its previous value at `preload_rate`."""
         full, change = self.bounds.floor, self.preload_rate * dt
         return full if before is None else np.clip(full, before.floor - change, before.floor + change)
 
     def _limited(self, rows: Rows, before: Allocation, dt: float) -> Rows:
-        """The rows within reach of the rates; after a loss the preload may change as it must."""
+        """The rows narrowed by the rate limits; if a drive is lost, the preload rate is not limited."""
         x = self.bounds.structure.signs * before.torques
         if np.isfinite(self.torque_rate):
             rows = rows.limit_rate(x, self.torque_rate * dt, exempt=self._lost)
@@ -229,7 +229,7 @@ class Allocator:
         binding: tuple[str, ...] = (),
         residuals: Residuals = UNPROVEN,
     ) -> Allocation:
-        """What these magnitudes (m,) amount to."""
+        """The `Allocation` with these torque magnitudes (m,)."""
         structure, v = self.bounds.structure, self.bounds.gears.null_vector
         torques = structure.signs * x + 0.0  # no negative zero
         missing = demand - structure.matrix @ torques

@@ -1,4 +1,4 @@
-"""What two drives can do without losing contact: least preload, margin and copper-loss index, as a map."""
+"""Capability map of two drives without loss of contact: least preload, margin and copper-loss index."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from plant.result_display import Drawn
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-12
-"""Of the margin at the very edge, in units of the greatest torque."""
+"""A smaller margin is taken as zero, in units of the greatest torque."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CapabilityMap(Drawn):
-    """What it takes to move a load without losing contact, over P accelerations and Q load torques.
+    """Preload, margin and heat to move a load without loss of contact, over P accelerations and Q load torques.
 
     Attributes:
         acceleration: (P,) of the load [rad/s^2], rising.
-        load_torque: (Q,) that the load takes without acceleration: gravity, friction, process [N m], rising.
-        least_preload: (P, Q) least lambda [N m per tooth] that holds every flank, see `Allocation.preload`; NaN out of
-            reach.
-        margin: (P, Q) by how much the minimum torque of motors and flanks could be raised before something gives, seen
-            from the drive [N m]; negative out of reach, zero at the edge.
+        load_torque: (Q,) of the load without acceleration: gravity, friction, process [N m], rising.
+        least_preload: (P, Q) lambda of the least-effort torques that keep contact [N m per tooth], see
+            `Allocation.preload`; NaN out of reach.
+        margin: (P, Q) by how much the minimum motor and contact torque could be raised until no torques are feasible,
+            seen from the drive [N m]; negative out of reach, zero at the edge.
         heat: (P, Q) sum of the squared drive torques at that preload [N^2 m^2]; NaN out of reach.
     """
 
@@ -39,20 +39,20 @@ class CapabilityMap(Drawn):
     heat: Array
 
     def __repr__(self) -> str:
-        """Its size, and what is held at rest, in one line."""
+        """Size of the map and share within reach, in one line."""
         shape = f"{self.acceleration.size} accelerations x {self.load_torque.size} load torques"
         return f"CapabilityMap({shape}, {np.mean(self.reachable):.0%} within reach)"
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
-        """(P, Q) where contact is kept."""
+        """(P, Q) whether contact is kept."""
         return np.isfinite(self.heat)
 
     @property
     def edge(self) -> Array:
         """(Q, 2) least and greatest acceleration [rad/s^2] at each load torque; NaN where there is none.
 
-        The margin is interpolated between the accelerations of the map; an edge beyond the map is cut at its border.
+        The margin is interpolated between the accelerations of the map. An edge outside the map is set to its border.
         """
         found = np.full((self.load_torque.size, 2), np.nan)
         for row, margin in zip(found, self.margin.T, strict=True):
@@ -62,7 +62,7 @@ class CapabilityMap(Drawn):
         return found
 
     def _crossing(self, margin: Array, last: int, step: int) -> float:
-        """Acceleration [rad/s^2] at which the margin (P,) crosses zero between `last` and the next one outwards."""
+        """Acceleration [rad/s^2] at which the margin (P,) crosses zero between `last` and `last + step`."""
         beyond = last + step
         if not 0 <= beyond < margin.size:
             return float(self.acceleration[last])
@@ -73,25 +73,24 @@ class CapabilityMap(Drawn):
 def capability_map(
     allocator: Allocator, *, inertia: float, acceleration: ArrayLike, load_torque: ArrayLike
 ) -> CapabilityMap:
-    """What a machine can do without losing contact, and at what preload and copper-loss index.
+    """Accelerations and load torques within reach without loss of contact, their preload and copper-loss index.
 
-    The drives together give J a + tau_L, and none of them may fall below its lower bound (motor or flank, see
-    `Limits`); since the drive that holds back takes away what the other one gives, about half of the torque is left
-    that both could give together.
+    The drives together give J a + tau_L, and each torque stays above its lower bound (motor or contact, see `Limits`).
+    The two drives push against each other, so the reachable torque is about half of the sum of both drives.
 
-    With x the torques in their sense and J a + tau_L = b x, the margin is the greatest t for which some preload c keeps
-    lower + t <= x <= upper; in the terms of `share_between_two` that is, over all pairs of a lower and an upper bound,
+    With x the torque magnitudes and J a + tau_L = b x, the margin is the greatest t for which a preload c exists with
+    lower + t <= x <= upper. In the symbols of `share_between_two`, over all pairs of a lower and an upper bound,
 
         t = min_ij  u_i (upper_j - e_j tau/|b|)/u_j + e_i tau/|b| - lower_i
 
     Args:
         allocator: of two drives on one joint.
-        inertia: J of the load and both rotors, as a model has it that was fitted to motor torques [kg m^2].
+        inertia: J of the load and both rotors [kg m^2], as in a model fitted to motor torques.
         acceleration: (P,) of the load, rising [rad/s^2].
         load_torque: (Q,) without the inertial torque, rising [N m].
 
     Raises:
-        BadParameter: not two living drives on one joint, or numbers that are not finite, positive, or in order.
+        BadParameter: not two working drives on one joint, or numbers that are not finite, positive, or in order.
     """
     limits, a, load = allocator.bounds, _rising("acceleration", acceleration), _rising("load_torque", load_torque)
     if limits.structure.matrix.shape != (1, 2) or allocator.lost:

@@ -1,4 +1,4 @@
-"""Every admissible pattern of drive senses, one of each kind."""
+"""All admissible sign patterns of the drives, one of each equivalence class."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Signs = NDArray[np.int64]
 
 
 def enumerate_admissible(n: int, m: int) -> list[Signs]:
-    """All sign patterns (n x m) that belong to admissible structures, one for each class of equal ones.
+    """All sign patterns (n x m) of admissible structures, one for each equivalence class.
 
-    Patterns that differ by the order of joints (rows) or drives (columns) are equal. A pattern is listed if some sizes
-    of its entries make it admissible (see `admissible`): each row then holds entries of both signs and no column is
-    empty, and sizes balanced to a common positive null vector leave rank n. Every number of drives that Chang and
-    Tsai (1993) allow can be chosen.
+    Patterns that differ only in the order of joints (rows) or drives (columns) are equivalent. A pattern is listed if
+    some magnitudes of its entries make it admissible (see `admissible`): each row has entries of both signs, no column
+    is zero, and the matrix has rank n when its rows are scaled to a positive null vector. m covers all numbers of
+    drives that Chang and Tsai (1993) allow.
 
-    For n = 1 the one class holds both senses of the paper, which drives that change places turn into each other; both
-    are listed: [+ -] and [- +]. `admissible_senses` lists the senses of a given machine.
+    For n = 1 the two patterns of the paper, [+ -] and [- +], are equivalent (drives exchanged), but both are listed.
+    `admissible_senses` lists the directions for a given machine.
 
     Args:
         n: joints, 1 to 3.
@@ -44,18 +44,18 @@ def enumerate_admissible(n: int, m: int) -> list[Signs]:
 
 
 def _multisets(kinds: int, size: int) -> Signs:
-    """(K, size) all choices of `size` out of `kinds` with repetition, each in rising order."""
+    """(K, size) all combinations of `size` out of `kinds` with repetition, each in rising order."""
     flat = chain.from_iterable(combinations_with_replacement(range(kinds), size))
     return np.fromiter(flat, dtype=np.int64).reshape(-1, size)
 
 
 def _both_signs(patterns: Signs) -> NDArray[np.bool_]:
-    """(K,) whether in patterns (K, m, n) each joint is pushed in both senses."""
+    """(K,) whether in patterns (K, m, n) each joint is driven in both directions."""
     return np.asarray(np.all(np.any(patterns == 1, axis=1) & np.any(patterns == -1, axis=1), axis=1))
 
 
 def _first_of_its_class(chosen: Signs, columns: Signs) -> NDArray[np.bool_]:
-    """(K,) whether no order of the rows gives a multiset of columns that comes before this one."""
+    """(K,) whether no permutation of the rows gives a multiset of columns that sorts before this one."""
     n, m = columns.shape[1], chosen.shape[1]
     place = {tuple(column): index for index, column in enumerate(columns.tolist())}
     digits = len(columns) ** np.arange(m)[::-1]
@@ -67,9 +67,9 @@ def _first_of_its_class(chosen: Signs, columns: Signs) -> NDArray[np.bool_]:
 
 
 def _full_rank(patterns: Signs) -> NDArray[np.bool_]:
-    """(K,) whether sizes exist that give rank n; rows balanced to A 1 = 0 lose nothing, for columns scale freely.
+    """(K,) whether some magnitudes give rank n. The rows are scaled to A 1 = 0, which any column scaling permits.
 
-    Random sizes reach the greatest rank that any sizes do, except on a set of measure zero.
+    Random magnitudes reach the greatest possible rank, except on a set of measure zero.
     """
     sizes = np.random.default_rng(0).uniform(0.5, 2.0, patterns.shape)
     positive, negative = sizes * (patterns > 0), sizes * (patterns < 0)

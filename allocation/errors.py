@@ -1,4 +1,4 @@
-"""What can go wrong when a torque is shared."""
+"""Errors of torque allocation."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from plant.errors import AntidriveError
 
 
 class InfeasibleTorque(AntidriveError, ValueError):
-    """No pinion torques at all satisfy the bounds."""
+    """No pinion torques satisfy the bounds."""

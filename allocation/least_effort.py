@@ -12,16 +12,16 @@ Array = NDArray[np.float64]
 
 
 def least_effort(bounds: Limits, torque: ArrayLike, acceleration: ArrayLike = 0.0, weights: PerDrive = 1.0) -> Array:
-    """Torques of two drives with the least weighted square sum, for torques on their joint that can be reached.
+    """Torques of two drives with the least weighted sum of squares, for given torques on their joint.
 
     Args:
         bounds: of two drives on one joint: a gear train, or another structure.
-        torque: on the joint (follower) [N m], shape (...); moved to the nearest reachable one first.
-        acceleration: of the joint [rad/s^2], for the torque that the rotors take; broadcasts with `torque`.
+        torque: on the joint (follower) [N m], shape (...); replaced by the nearest reachable one.
+        acceleration: of the joint [rad/s^2], for the torque of the rotor inertia; broadcasts with `torque`.
         weights: w1, w2.
 
     Returns:
-        Pinion torques [N m], shape (..., 2), inside the box to the last bit.
+        Pinion torques [N m], shape (..., 2), inside the bounds to the last bit.
 
     Raises:
         BadParameter: not two drives on one joint.
@@ -38,26 +38,26 @@ def least_effort(bounds: Limits, torque: ArrayLike, acceleration: ArrayLike = 0.
 def share_between_two(
     pushing: Array, torque: Array, lower: Array, upper: Array, weights: Array, preload: Array | None = None
 ) -> Array:
-    """Minimise sum w_i x_i^2 subject to b x = tau (b of two opposite signs) and lower <= x <= upper, in closed form.
+    """Minimise sum w_i x_i^2 subject to b x = tau (b1, b2 of opposite sign) and lower <= x <= upper, in closed form.
 
-    With the unit vectors u along the null space and e = b/|b| across it, x = c u + tau/|b| e (equation 3, c being the
-    preload). The effort is a parabola in c and every bound an interval, so the best c is the vertex of the parabola
-    clipped to [largest lower bound, least upper bound]:
+    With the unit vectors u along the null space and e = b/|b| normal to it, x = c u + tau/|b| e (equation 3, c is the
+    preload). The effort is a parabola in c and each bound is an interval of c, so the best c is the vertex of the
+    parabola clipped to [largest lower bound, smallest upper bound]:
 
         vertex = -tau/|b| (e' W u)/(u' W u),   (lower_i - tau/|b| e_i)/u_i <= c <= (upper_i - tau/|b| e_i)/u_i
 
-    A torque out of reach is moved to the nearest one within reach. The greatest one lies in a corner of the box, or
-    where the edge of the box meets the limit of c.
+    A torque out of reach is replaced by the nearest reachable one. The greatest reachable torque lies at a corner of
+    the box of bounds, or where an edge of the box meets the limit of c.
 
     Args:
-        pushing: (2,) b, torque on the joint for one newton metre of each drive in its sense.
+        pushing: (2,) b, torque on the joint for one newton metre of each drive in its direction.
         torque: (...) tau [N m].
         lower, upper: (..., 2) bounds on x [N m]; lower <= upper.
         weights: (2,) w.
-        preload: (..., 2) least and greatest c [N m]; the c of `lower` must lie between them. None: any.
+        preload: (..., 2) least and greatest c [N m]; the c of `lower` must lie between them. None: no limit.
 
     Returns:
-        (..., 2) x [N m], inside the box to the last bit.
+        (..., 2) x [N m], inside the bounds to the last bit.
     """
     size = np.linalg.norm(pushing)
     across, along = pushing / size, np.abs(pushing[::-1]) / size
@@ -76,7 +76,7 @@ def share_between_two(
 
 
 def settled(x: Array, lower: Array, upper: Array) -> Array:
-    """x inside its bounds, and exactly on them where nothing but rounding keeps it away."""
+    """x clipped to its bounds, and set exactly on a bound if it differs from it by rounding only."""
     rounding = 8 * np.finfo(float).eps * np.maximum(np.abs(lower), np.abs(upper))
     x = np.where(x <= lower + rounding, lower, x)
     return np.where(x >= upper - rounding, upper, x)

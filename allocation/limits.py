@@ -1,7 +1,7 @@
 """Limits of each drive: unidirectional, bounded, and without loss of contact.
 
-Torques here are often magnitudes in the required sense, sigma_i xi_i (sigma = [+1, -1] for the paper's machine), so
-that every bound is a plain interval and the whole machine a box.
+Many torques here are magnitudes in the required direction, sigma_i xi_i (sigma = [+1, -1] for the paper's machine).
+Each bound is then an interval, and the feasible torques of all drives form a box.
 """
 
 from __future__ import annotations
@@ -25,28 +25,29 @@ PerDrive = float | tuple[float, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Limits of m drives; of the two pinions of a gear train they are
+    """Limits of m drives. For the two pinions of a gear train they are
 
         xi1 >= min_torque,  xi2 <= -min_torque,  |xi_i| <= max_torque
 
-    A rotor of inertia Jm behind a reduction r eats part of its motor's torque when the joints accelerate by a, and the
-    motor's friction f a part of unknown sign; what surely arrives at the flank, seen from the drive (the pinion), is
+    The rotor inertia Jm with reduction r takes a part of the motor torque at joint acceleration a, and the motor
+    friction f changes it by up to r f in either direction. The worst-case contact torque at the tooth flank, seen from
+    the drive (pinion), is
 
         F_i = sigma_i (xi_i - r^2 Jm (A' a)_i) - r f >= min_torque      (Newton's law for the rotor, with equation 1)
 
-    Motor and flank are both held, so the lower bound of each drive is the larger of the two. A single drive has nothing
-    to hold its teeth against: it turns both ways, and only its greatest torque counts.
+    Motor and contact torque both have this minimum, so the lower bound of a drive is the larger of the two bounds. A
+    single drive cannot be preloaded: it drives in both directions, and only its greatest torque is limited.
 
     Attributes:
         gears: the drives and their load: a gear train, ratios, or the structure of another machine.
-        min_torque: least torque of each drive and of each flank, seen from the drive [N m].
+        min_torque: minimum motor and contact torque of each drive, seen from the drive [N m].
         max_torque: greatest torque of each drive [N m].
         rotor_inertia: of each motor, at its shaft [kg m^2].
         motor_friction: dry friction of each motor, at its shaft [N m].
 
     Raises:
         BadParameter: a number that is not finite or negative, or not one for each drive.
-        InfeasibleTorque: min_torque above max_torque: nothing is admitted.
+        InfeasibleTorque: min_torque above max_torque, so no torque is admitted.
     """
 
     gears: DriveTrain | Structure
@@ -75,7 +76,7 @@ class Limits:
 
     @cached_property
     def least(self) -> Array:
-        """(m,) min_torque of each drive [N m]; zero of a single one."""
+        """(m,) min_torque of each drive [N m]; zero for a single drive."""
         return self._held(per_drive("min_torque", self.min_torque, self.structure.drives))
 
     @cached_property
@@ -95,26 +96,26 @@ class Limits:
         return self._held(at_shaft * self.structure.reductions)
 
     def _held(self, torques: Array) -> Array:
-        """What contact takes; nothing of a single drive, which has no second one to press against."""
+        """The given torques; zeros for a single drive, which cannot be preloaded."""
         return torques if self.structure.drives > 1 else np.zeros_like(torques)
 
     @cached_property
     def lowest(self) -> Array:
-        """(m,) least torque of each motor in its sense [N m]; a single drive turns both ways."""
+        """(m,) least torque of each motor in its direction [N m]; -max_torque for a single drive."""
         return self.least if self.structure.drives > 1 else -self.greatest
 
     @cached_property
     def floor(self) -> Array:
-        """(m,) torque that each drive at rest needs for its flank [N m]: the least torque, and what friction takes."""
+        """(m,) torque that each drive needs at rest to keep contact [N m]: minimum torque plus friction."""
         return self.least + self.friction
 
     @cached_property
     def _rotor(self) -> Array:
-        """(n, m) torque that each rotor takes in its sense, for one rad/s^2 of each joint [N m]."""
+        """(n, m) torque that accelerates each rotor, in its drive's direction, for 1 rad/s^2 of each joint [N m]."""
         return self.structure.pushing * self.rotor_inertias * self.structure.reductions**2
 
     def rotor_torque(self, acceleration: ArrayLike) -> Array:
-        """(..., m) torque that each rotor takes in its sense [N m]; positive: the flank gets less than the motor gives.
+        """(..., m) torque that accelerates each rotor [N m]; positive: the contact torque is below the motor torque.
 
         Args:
             acceleration: of the joint [rad/s^2], shape (...); of several joints, shape (..., n).
@@ -123,11 +124,11 @@ class Limits:
         return np.asarray(a[..., None] * self._rotor[0] if self.structure.joints == 1 else a @ self._rotor)
 
     def lower(self, acceleration: ArrayLike = 0.0, floor: Array | None = None) -> Array:
-        """(..., m) least magnitudes of the torques [N m]; above `max_torque` where the flank cannot be held.
+        """(..., m) least magnitudes of the torques [N m]; above `max_torque` where contact cannot be kept.
 
         Args:
             acceleration: as for `rotor_torque`.
-            floor: (m,) least torque and friction to hold [N m], lower than `floor` while the preload is built up.
+            floor: (m,) minimum torque plus friction [N m], in place of `self.floor` while the preload is built up.
         """
         if self.structure.drives == 1:
             return np.broadcast_to(self.lowest, self.rotor_torque(acceleration).shape)
@@ -137,10 +138,10 @@ class Limits:
     def reachable(self, acceleration: ArrayLike = 0.0) -> Array:
         """(..., 2) least and greatest torque [N m] on a single joint that keep every bound.
 
-        Preload comes first: where a flank cannot be held even by the full torque of its drive, that drive gives all.
+        Preload has priority: a drive that cannot keep contact even with its greatest torque gives its greatest torque.
 
         Raises:
-            BadParameter: the drives turn several joints, whose torques are no interval.
+            BadParameter: there are several joints; their reachable torques are not an interval.
         """
         if self.structure.joints != 1:
             raise BadParameter(f"{self.structure.joints} joints have no interval of reachable torques.")
@@ -149,9 +150,9 @@ class Limits:
         return np.stack((np.minimum(low, high).sum(axis=-1), np.maximum(low, high).sum(axis=-1)), axis=-1)
 
     def margin(self, torques: Array, acceleration: ArrayLike = 0.0) -> Array:
-        """(...,) least motor or flank torque above `min_torque` [N m] of torques (..., m), seen from the drive.
+        """(...,) smallest motor or contact torque minus `min_torque` [N m] for torques (..., m), seen from the drive.
 
-        Zero of a single drive, which holds no flank.
+        Zero for a single drive, which has no preload.
         """
         if self.structure.drives == 1:
             return np.zeros(np.shape(torques)[:-1])
@@ -160,7 +161,7 @@ class Limits:
         return np.asarray(np.min(np.minimum(flank, motor) - self.least, axis=-1))
 
     def clip(self, torques: Array) -> Array:
-        """Torques (..., m) moved into the box, to the last bit."""
+        """Torques (..., m) clipped to the limits of the drives, to the last bit."""
         signs = self.structure.signs
         return np.asarray(signs * np.clip(signs * torques, self.lowest, self.greatest))
 
@@ -169,7 +170,7 @@ def per_drive(name: str, value: PerDrive, drives: int) -> Array:
     """(m,) one number for each drive.
 
     Raises:
-        BadParameter: they are not finite, negative, or not as many as there are drives.
+        BadParameter: a number is not finite or is negative, or there is not one for each drive.
     """
     try:
         numbers = np.asarray(value, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Drives that give no torque any more: which of the others can still hold the teeth together."""
+"""Loss of drives: which of the remaining drives can still be preloaded."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Flags = NDArray[np.bool_]
 def still_preloaded(structure: Structure, lost: tuple[int, ...]) -> Flags:
     """(m,) which drives can still be preloaded when those of the given numbers (from 1) are lost.
 
-    A drive can be preloaded if the others hold against it: if some v >= 0 with B v = 0 over the living drives has
-    v_i > 0. Such v add up, so one linear program finds all of them at once,
+    Drive i can be preloaded if a v >= 0 of the remaining drives exists with B v = 0 and v_i > 0. The sum of two such v
+    is another one, so one linear program finds all such drives:
 
         maximise sum t   subject to   B v = 0,  v >= t,  0 <= t <= 1,  v = 0 for the lost drives
 
-    because v may be as large as it takes: t_i is 1 where it can be positive at all, and 0 elsewhere.
+    v may have any size, so t_i = 1 if v_i can be positive, and t_i = 0 otherwise.
     """
     from scipy.optimize import linprog
 
@@ -42,7 +42,7 @@ def still_preloaded(structure: Structure, lost: tuple[int, ...]) -> Flags:
 
 
 def loss(lost: Flags, preloaded: Flags) -> Iterator[str]:
-    """What the loss of some of the drives costs, where `preloaded` tells which still hold a preload."""
+    """Messages about the lost drives and their consequence; `preloaded`: which drives can still be preloaded."""
     if not np.any(lost):
         return
     gone, bare = _are(lost), ~lost & ~preloaded

@@ -1,4 +1,4 @@
-"""One preload, in the units in which drive makers count it."""
+"""Preload in the units of drive manufacturers."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 class Preload:
     """How hard two drives push against each other.
 
-    There is one definition, lambda; the torques that it adds move nothing. The rest are names for it:
+    The preload is defined by lambda; its torques give no follower torque. The other quantities follow from it:
 
         torques        xi = lambda [N1, -N2]                          (equation 3 at no follower torque)
         difference     d = xi1 - xi2 = lambda (N1 + N2)               (2 lambda N for equal gears)
         percent        100 d / rated torque of one drive              ("tension" of SEW)
         per mille      1000 d / rated torque of one drive
 
-    All have the sign of lambda: positive for [+ -], drive 1 pushing positively. Makers that count the other way round
-    have their first drive at D2. Beware of a factor of two: a preload in % of rated as FANUC and Fagor count it, and a
-    torque offset in per mille as CiA 402 takes it, are those of *each* drive (`torques` over the rated torque).
+    All have the sign of lambda: positive for [+ -], with a positive torque of drive 1. Manufacturers with the opposite
+    sign have their first drive at D2. Note a factor of two: the preload in % of the rated torque of FANUC and Fagor,
+    and the torque offset in per mille of CiA 402, are values of *each* drive (`torques` over the rated torque).
 
     Attributes:
         gears: the gear train.
@@ -66,7 +66,7 @@ class Preload:
 
     @property
     def difference(self) -> float:
-        """Of the two pinion torques at no follower torque [N m]."""
+        """Difference of the two pinion torques at no follower torque [N m]."""
         return self.coefficient * sum(self.gears.pinion_teeth)
 
     def percent(self, rated_torque: float) -> float:
@@ -78,7 +78,7 @@ class Preload:
         return 1000 * self.difference / _rated(rated_torque)
 
     def split(self, torque: float) -> Array:
-        """(2,) pinion torques that put this preload under a follower torque [N m], equation (3)."""
+        """(2,) pinion torques with this preload that give a follower torque [N m], equation (3)."""
         return self.gears.split(torque, self.coefficient)
 
 

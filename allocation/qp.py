@@ -1,4 +1,4 @@
-"""Quadratic programs through qpsolvers, with tight tolerances; each solution is certified here."""
+"""Quadratic programs solved by qpsolvers with tight tolerances, and the residuals of their solutions."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SETTINGS: dict[str, dict[str, Any]] = {
-    # Defaults of first-order solvers are far too loose for a minimum torque. Our programs are scaled and feasible, so
-    # OSQP need neither scale them nor look for proofs that they are not. `raise_error` must be said explicitly.
+    # The default tolerances of first-order solvers are too loose for a minimum torque. Our programs are scaled and
+    # feasible, so OSQP need neither scale them nor detect infeasibility. `raise_error` must be given explicitly.
     "osqp": {
         "eps_abs": 1e-9,
         "eps_rel": 1e-9,
@@ -36,7 +36,7 @@ _SETTINGS: dict[str, dict[str, Any]] = {
 
 def check_solver(name: str) -> None:
     """Raise `BadParameter` unless the solver is installed."""
-    import qpsolvers  # with every solver there is: only who shares by one needs it
+    import qpsolvers  # imports every installed solver, so only where it is needed
 
     if name not in qpsolvers.available_solvers:
         raise BadParameter(
@@ -58,8 +58,8 @@ def solve_qp(
 ) -> qpsolvers.Solution:
     """Minimise 1/2 x'Px + q'x subject to A x = b, G x <= h and lb <= x <= ub, always from a cold start.
 
-    Scale the problem so that x is of the order of one. Accept the answer by its residuals: those of a failed solve are
-    infinite, and no exception or warning of the solver gets out.
+    The problem must be scaled so that x is of the order of one. Check the residuals before use: they are infinite after
+    a failed solve. Exceptions and warnings of the solver are suppressed.
     """
     import qpsolvers
     from scipy.sparse import csc_matrix
@@ -79,7 +79,7 @@ def solve_qp(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return qpsolvers.solve_problem(problem, solver=solver, **_SETTINGS.get(solver, {}))
-    except Exception:  # whatever a foreign solver raises is a failed solve
+    except Exception:  # any exception of an external solver counts as a failed solve
         return qpsolvers.Solution(problem)
 
 

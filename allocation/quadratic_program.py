@@ -1,4 +1,4 @@
-"""The program of the general allocator, and the proof that an answer solves it."""
+"""The quadratic program of the general allocator, and the optimality check of its solution."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-11
-"""What counts as zero beside torques of the order of one."""
+"""Smaller numbers count as zero; torques are of the order of one."""
 
 _ROUNDING = 1e-14
-"""What floating point may make of zero."""
+"""Rounding error of floating point."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Residuals:
-    """How far an answer is from solving a `QuadraticProgram`; all zero at the solution, inf where there is no proof."""
+    """Optimality residuals of a `QuadraticProgram`; zero at the solution, inf without a certificate."""
 
     primal: float
     dual: float
@@ -35,7 +35,7 @@ UNPROVEN = Residuals(primal=np.inf, dual=np.inf, gap=np.inf)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class QuadraticProgram:
-    """Two aims in strict order under rows that are never broken (sequential least squares, Harkegard 2002).
+    """Two objectives in lexicographic order under hard constraints (sequential least squares, Harkegard 2002).
 
         first   minimise |B x - b|          the reachable torque nearest to the demand
         then    minimise sum w_i x_i^2      the least effort that gives it
@@ -56,7 +56,7 @@ class QuadraticProgram:
     d: Array
 
     def on(self, rows: NDArray[np.intp]) -> Array:
-        """The x (m,) that both aims prefer among those on which the given rows hold with equality."""
+        """The x (m,) that is optimal for both objectives if exactly the given rows hold with equality."""
         x, free = np.zeros(len(self.w)), np.eye(len(self.w))
         for M, r in ((self.C[rows], self.d[rows]), (self.B, self.b), (np.diag(np.sqrt(self.w)), np.zeros(len(self.w)))):
             if free.shape[1] == 0 or len(M) == 0:
@@ -68,10 +68,10 @@ class QuadraticProgram:
         return x
 
     def multipliers(self, x: Array, rows: NDArray[np.intp]) -> Array:
-        """(rows, 2) multipliers of both aims at the best x on `rows`; the first nonzero is > 0 where a row belongs.
+        """(rows, 2) multipliers of both objectives at x, optimal on `rows`; an active row's first nonzero is positive.
 
-        Those of the first aim belong to a miss of length one: a demand may be out of reach by very little. What
-        rounding may have made of them is zero.
+        Those of the first objective are scaled to a missing torque of length one, because a demand may be only slightly
+        out of reach. Multipliers within rounding error are set to zero.
         """
         E, miss = self.C[rows], self.B @ x - self.b
         size = max(float(np.linalg.norm(miss)), _ROUNDING)
@@ -82,10 +82,10 @@ class QuadraticProgram:
         return np.stack((first, then), axis=-1)
 
     def residuals(self, x: Array) -> Residuals:
-        """Prove x by the optimality conditions of Karush, Kuhn and Tucker for both aims in turn, from x alone.
+        """Check x by the Karush-Kuhn-Tucker conditions of both objectives in turn, from x alone.
 
-        First: the pull B'(b - B x) is a sum of active rows with multipliers nu >= 0. Then: so is the pull -W x of the
-        effort, but for what B takes, since B x is settled: its multipliers have any sign.
+        First: the negative gradient B'(b - B x) is a sum of active rows with multipliers nu >= 0. Then: the negative
+        gradient -W x of the effort, projected on the null space of B (B x is fixed), is such a sum too.
         """
         slack = self.d - self.C @ x
         active = slack <= NEGLIGIBLE
@@ -98,7 +98,7 @@ class QuadraticProgram:
 
 
 def _nonnegative(M: Array, r: Array) -> tuple[Array, float]:
-    """The y >= 0 that minimises |M y - r|, and that norm; inf if it was not found."""
+    """The y >= 0 that minimises |M y - r|, and that norm; inf if nnls fails."""
     from scipy.optimize import nnls
 
     if M.shape[1] == 0 or M.shape[0] == 0:

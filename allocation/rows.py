@@ -1,4 +1,4 @@
-"""What holds at one instant, as rows with names: torque limits, flanks, rates, drives that are lost."""
+"""The constraints at one instant as named rows: torque limits, contact, rates, lost drives."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ Names = tuple[str, ...]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:
-    """The constraints on the magnitudes x (m,) of the drive torques, in their sense [N m].
+    """The constraints on the magnitudes x (m,) of the drive torques in their directions [N m].
 
         lower <= x <= upper,    preload[:, 0] <= P x <= preload[:, 1]
 
-    P is the projection onto the null space of the structure: P x is the part of each drive's torque that moves nothing.
-    The rows always hold together, whatever the demand, because `inside` keeps to all of them.
+    P is the projection onto the null space of the structure: P x is the part of each drive's torque without effect on
+    the joints. The rows are feasible for every demand, because `inside` satisfies all of them.
 
     Attributes:
         lower, upper: (m,) [N m].
-        lower_names, upper_names: what each of them stems from.
+        lower_names, upper_names: origin of each bound.
         projection: (m, m) P.
-        inside: (m,) a point that keeps to every row [N m].
+        inside: (m,) a feasible point [N m].
         preload: (m, 2) limits of P x [N m], or None.
     """
 
@@ -42,7 +42,7 @@ class Rows:
     def of(cls, bounds: Limits, acceleration: Array, floor: Array) -> Rows:
         """The bounds of each drive at joint accelerations (n,) [rad/s^2] (a number for one joint).
 
-        A flank that even the greatest torque cannot hold is given all of it.
+        If the greatest torque of a drive cannot keep contact, its lower bound is that greatest torque.
         """
         wanted = bounds.lower(acceleration, floor)
         flank = wanted > np.minimum(floor, bounds.least)
@@ -61,14 +61,14 @@ class Rows:
         )
 
     def without(self, lost: NDArray[np.bool_], reversible: NDArray[np.bool_], reverse_torque: Array) -> Rows:
-        """Lost drives give nothing; reversible ones may push in either sense, against theirs up to `reverse_torque`."""
+        """Rows with zero torque for lost drives and down to -`reverse_torque` for reversible ones."""
         lower = np.where(lost, 0.0, np.where(reversible, -reverse_torque, self.lower))
         upper = np.where(lost, 0.0, self.upper)
         lower_names = _renamed(_renamed(self.lower_names, reversible, "reverse torque"), lost, "lost")
         return replace(self, lower=lower, upper=upper, lower_names=lower_names, inside=np.clip(0.0, lower, upper))
 
     def limit_rate(self, before: Array, change: float, exempt: NDArray[np.bool_]) -> Rows:
-        """No torque changes by more than `change` [N m] from `before`; the bounds come as near as that allows."""
+        """Rows in which no torque changes by more than `change` [N m] from `before`; bounds beyond it are clipped."""
         least = np.where(exempt, -np.inf, before - change)
         most = np.where(exempt, np.inf, before + change)
         lower, upper = np.clip(self.lower, least, most), np.clip(self.upper, least, most)
@@ -82,7 +82,7 @@ class Rows:
         )
 
     def limit_preload_rate(self, before: Array, change: float) -> Rows:
-        """No drive's part of the preload changes by more than `change` [N m], unless other rows move it themselves."""
+        """Rows in which no drive's preload part changes by more than `change` [N m], unless other rows require it."""
         inside = np.clip(before, self.lower, self.upper)
         now, moved = self.projection @ before, self.projection @ inside
         window = np.stack((np.minimum(now - change, moved), np.maximum(now + change, moved)), axis=-1)
@@ -103,5 +103,5 @@ class Rows:
 
 
 def _renamed(names: Names, changed: NDArray[np.bool_], row: str) -> Names:
-    """The names of drives whose bound has moved are those of another row: "drive 1: torque rate"."""
+    """The names with the part after "drive 1: " replaced by `row` where the bound has changed."""
     return tuple(f"{name.split(':')[0]}: {row}" if moved else name for name, moved in zip(names, changed, strict=True))

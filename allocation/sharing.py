@@ -1,4 +1,4 @@
-"""The general split of joint torques among drives, by a quadratic program that is always feasible."""
+"""Allocation of joint torques to any number of drives, by a quadratic program that is always feasible."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 CERTIFIED = 1e-9
-"""Largest residual of an accepted answer, with torques in units of the greatest torque."""
+"""Largest residual of an accepted solution, with torques in units of the greatest torque."""
 
 _SOLVED = 1e-6
-"""Largest residual of a solver's own answer that counts as solved, in the same units."""
+"""Largest residual at which the solver's result counts as solved, in the same units."""
 
 _TORQUE_FIRST = 1e2
-"""Weight of missing torque against effort. Only the solver sees it: the exact answer is its limit, infinity."""
+"""Weight of missing torque relative to effort. Only the solver uses it: the exact solution is the limit of infinity."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,8 +35,8 @@ class Sharing:
 
     Attributes:
         x: (m,) magnitudes of the drive torques [N m], inside their bounds to the last bit.
-        residuals: its proof, with torques in units of the greatest torque.
-        instead: what stands in where the solver was not certified; empty where it was.
+        residuals: of the optimality conditions, with torques in units of the greatest torque.
+        instead: method used where the solver's result was not certified; otherwise empty.
     """
 
     x: Array
@@ -45,7 +45,7 @@ class Sharing:
 
 
 def share_in_closed_form(pushing: Array, torque: Array, rows: Rows, weights: Array) -> Sharing:
-    """The same for two drives on one joint, without a solver: see `share_between_two`."""
+    """The same as `share` for two drives on one joint, without a solver: see `share_between_two`."""
     preload = None
     if rows.preload is not None:  # P x = u u'x limits c = u'x once for each drive
         limits = rows.preload / np.sqrt(np.diag(rows.projection))[:, None]
@@ -56,21 +56,21 @@ def share_in_closed_form(pushing: Array, torque: Array, rows: Rows, weights: Arr
 
 
 def share(pushing: Array, torque: Array, rows: Rows, weights: Array, solver: str) -> Sharing:
-    """Bring the joints as near to a torque as the rows allow, and that with the least effort sum w_i x_i^2.
+    """Reach the joint torque nearest to the demand that the rows allow, with the least effort sum w_i x_i^2.
 
-    The solver sees one program, which is feasible for every demand,
+    The solver gets one program, feasible for every demand,
 
         minimise    1/2 x' W x + 1/2 gamma |s|^2    subject to    B x + s = tau  and the rows,
 
-    and from its multipliers we take which rows are active. The rest is exact: see `solve_exactly`, and
-    `QuadraticProgram.residuals` for the proof. If the solver fails, the exact method starts from nothing.
+    and its multipliers show the active rows. `solve_exactly` then gives the exact solution, and
+    `QuadraticProgram.residuals` certifies it. If the solver fails, the exact method starts without a guess.
 
     Args:
-        pushing: (n, m) B, torque on each joint for one newton metre of each drive in its sense.
+        pushing: (n, m) B, torque on each joint for one newton metre of each drive in its direction.
         torque: (n,) tau [N m].
         rows: the constraints.
         weights: (m,) w, positive.
-        solver: a name that qpsolvers knows.
+        solver: name of the solver in qpsolvers.
     """
     unit, m = _unit(rows), pushing.shape[1]
     program = _quadratic_program(pushing, torque, rows, weights, unit)
@@ -81,18 +81,18 @@ def share(pushing: Array, torque: Array, rows: Rows, weights: Array, solver: str
     x = solve_exactly(program, guess, pinned, rows.inside / unit)
     residuals = program.residuals(x)
     instead = "" if solved else "the exact method"
-    if residuals.largest > CERTIFIED:  # keep the preload, whatever becomes of the torque
+    if residuals.largest > CERTIFIED:  # keep the preload and give up the torque
         x, residuals, instead = rows.inside / unit, UNPROVEN, "the preload alone"
     return Sharing(x=settled(x * unit, rows.lower, rows.upper), residuals=residuals, instead=instead)
 
 
 def _unit(rows: Rows) -> float:
-    """Torque in which the program is scaled [N m]: the greatest that any row allows."""
+    """Torque unit by which the program is scaled [N m]: the greatest bound of any row."""
     return max(float(np.max(np.abs(rows.upper))), float(np.max(np.abs(rows.lower))), np.finfo(float).tiny)
 
 
 def _quadratic_program(pushing: Array, torque: Array, rows: Rows, weights: Array, unit: float) -> QuadraticProgram:
-    """Rows in this order: x <= upper, x >= lower, and the upper and lower limits of the preload."""
+    """The program with its rows in this order: x <= upper, x >= lower, upper and lower limits of the preload."""
     size, eye = float(np.linalg.norm(pushing)), np.eye(pushing.shape[1])
     C, d = [eye, -eye], [rows.upper, -rows.lower]
     if rows.preload is not None:
@@ -108,7 +108,7 @@ def _quadratic_program(pushing: Array, torque: Array, rows: Rows, weights: Array
 
 
 def _solve(program: QuadraticProgram, m: int, solver: str) -> qpsolvers.Solution:
-    """The program as a solver takes it, in x and s."""
+    """Solve the program in x and s with the given solver."""
     n = len(program.b)
     no_limit = np.full(n, np.inf)
     G, h = (np.hstack((program.C[2 * m :], np.zeros((len(program.d) - 2 * m, n)))), program.d[2 * m :])
@@ -126,7 +126,7 @@ def _solve(program: QuadraticProgram, m: int, solver: str) -> qpsolvers.Solution
 
 
 def _active(program: QuadraticProgram, solution: qpsolvers.Solution, m: int) -> NDArray[np.intp]:
-    """The rows that are active by a solution: those whose multiplier outweighs their slack."""
+    """The active rows of a solution: their multiplier is larger than their slack."""
     x, z, box = solution.x, solution.z, solution.z_box
     if x is None or box is None:
         return np.zeros(0, dtype=np.intp)

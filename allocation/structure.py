@@ -1,4 +1,4 @@
-"""The structure matrix: which drive turns which joint, and which torques move nothing."""
+"""The structure matrix: which drive acts on which joint, and its null space."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """n joints turned by m drives, each of which is to push in one sense only.
+    """n joints driven by m drives; each drive gives torque in one direction only.
 
         tau = A xi,     d(phi)/dt = A' d(theta)/dt
 
-    with joint torques tau (n,), drive torques xi (m,) and the angles phi (m,), theta (n,) on which they do work; for
-    two pinions on one follower these are equations (2) and (1) of the drive/anti-drive paper. The second follows from
-    the first because the meshes lose no power.
+    with joint torques tau (n,), drive torques xi (m,), joint angles theta (n,) and drive angles phi (m,). For two
+    pinions on one follower these are equations (2) and (1) of the drive/anti-drive paper. The second follows from the
+    first because the gear meshes are lossless.
 
     Attributes:
         A: (n, m) torque on each joint for one newton metre of each drive.
-        sense: (m,) +1 or -1, the sign of the torque that each drive is to keep; all +1 where the columns of A have
-            absorbed the senses, as Chang and Tsai (1993) write it.
+        sense: (m,) +1 or -1, the required sign (direction) of each drive torque; all +1 if the signs of the columns of
+            A already contain the directions, as in Chang and Tsai (1993).
         reduction: turns of a motor for one turn of its drive; a number, or one for each.
 
     Raises:
-        BadParameter: A is not a finite matrix, a sense is not a sign, or the reduction is not positive.
+        BadParameter: A is not a finite matrix, a sense is not +1 or -1, or the reduction is not positive.
     """
 
     A: ArrayLike
@@ -55,7 +55,7 @@ class Structure:
 
     @classmethod
     def of(cls, machine: DriveTrain | Structure | ArrayLike) -> Structure:
-        """The structure of a drive train (equation 2), or of a matrix whose columns hold the senses."""
+        """The structure of a drive train (equation 2), or of a matrix with the directions as signs of its columns."""
         if isinstance(machine, Structure):
             return machine
         if isinstance(machine, DriveTrain):
@@ -75,28 +75,28 @@ class Structure:
 
     @cached_property
     def signs(self) -> Array:
-        """The senses as numbers, (m,)."""
+        """The directions +1 or -1 of the drives as an array, (m,)."""
         return np.array(self.sense, dtype=np.float64)
 
     @cached_property
     def pushing(self) -> Array:
-        """A for torques counted in their sense, (n, m): what the drives do when all of them push."""
+        """A for torque magnitudes, (n, m): torque on each joint for one newton metre of each drive in its direction."""
         return self.matrix * self.signs
 
     @cached_property
     def admissibility(self) -> Admissibility:
-        """Whether the drives can hold every joint free of backlash, see `admissible`."""
+        """Whether the drives can keep every joint free of backlash, see `admissible`."""
         return admissible(self.pushing)
 
     @cached_property
     def null_vector(self) -> Array:
-        """Drive torques (m,) that move nothing and preload all meshes as evenly as can be, the largest being 1 N m."""
+        """Drive torques (m,) without joint torque that preload all meshes as evenly as possible, at most 1 N m."""
         vector = self.admissibility.null_vector
         return np.asarray(self.signs * vector / max(float(np.max(vector)), np.finfo(float).tiny))
 
     @cached_property
     def null_space(self) -> Array:
-        """Orthonormal basis (m, m - n) of the drive torques that move nothing, see `null_space`."""
+        """Orthonormal basis (m, m - n) of the drive torques without joint torque, see `null_space`."""
         return null_space(self.matrix)
 
     @property

@@ -80,7 +80,7 @@ HOMES = {
     "simulate": "plant",
     "write_model": "plant",
 }
-"""The package that each name comes from."""
+"""The package of each name."""
 
 refuse_shadowing()
 

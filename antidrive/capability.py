@@ -1,4 +1,4 @@
-"""The capability map of two drives, in a table and in words."""
+"""The capability map of two drives, as a table and in sentences."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _POINTS = 81  # along each axis; odd, so that zero is one of them
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """What a map of some machine is measured in; as it stands, of a gear train on a rotary axis."""
+    """Units of a capability map; by default those of a gear train on a rotary axis."""
 
     torque: str = "N m"
     acceleration: str = "rad/s²"
@@ -29,7 +29,7 @@ class Units:
 
     @classmethod
     def of(cls, train: DriveTrain, axis: str) -> Units:
-        """Of a drive train on a rotary or linear axis; without teeth the preload is the torque of a drive."""
+        """Of a drive train on a rotary or linear axis; with ratios instead of teeth the preload is a drive's torque."""
         force = {"torque": "N", "acceleration": "m/s²"} if axis == "linear" else {}
         return cls(**force, **({} if isinstance(train, GearTrain) else {"preload": "N m"}))
 
@@ -38,10 +38,10 @@ ROTARY = Units()
 
 
 def whole_map(allocator: Allocator, inertia: float) -> CapabilityMap:
-    """The map over all torques that the drives can give at rest, and over the accelerations that they would make.
+    """The map over all torques that the drives can give at rest, and over the corresponding accelerations.
 
     Raises:
-        BadParameter: the inertia is not positive, or no torque can be held at all.
+        BadParameter: the inertia is not positive, or the preload leaves no torque at all.
     """
     most = float(np.max(np.abs(allocator.bounds.reachable())))
     if not (np.isfinite(inertia) and inertia > 0):
@@ -54,7 +54,7 @@ def whole_map(allocator: Allocator, inertia: float) -> CapabilityMap:
 
 
 def table(found: CapabilityMap) -> pd.DataFrame:
-    """One row for each acceleration and load torque; empty cells where it is out of reach."""
+    """One row for each acceleration and load torque; empty cells where it is not reachable."""
     import pandas as pd
 
     a, load = np.meshgrid(found.acceleration, found.load_torque, indexing="ij")
@@ -64,7 +64,7 @@ def table(found: CapabilityMap) -> pd.DataFrame:
 
 
 def summary(found: CapabilityMap, units: Units = ROTARY) -> dict[str, Any]:
-    """The map in a few numbers: what is held at rest, what is reached without load, and what standing still costs."""
+    """Key numbers of the map: load torques at rest, accelerations without load, and preload and heat at standstill."""
     still, idle = np.argmin(np.abs(found.acceleration)), np.argmin(np.abs(found.load_torque))
     held = found.load_torque[found.reachable[still]]
     return {
@@ -82,7 +82,7 @@ def summary(found: CapabilityMap, units: Units = ROTARY) -> dict[str, Any]:
 
 
 def sentences(found: CapabilityMap, units: Units = ROTARY) -> list[str]:
-    """The same for readers."""
+    """The key numbers in sentences."""
     told = summary(found)
     (least, most), (slowest, fastest) = told["load_torque_at_rest"], told["acceleration_without_load"]
     return [

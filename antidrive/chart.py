@@ -1,7 +1,7 @@
-"""Pictures of a page, as data: `templates/draw.js` draws figures in the browser, bars are plain HTML.
+"""Figures of a page, as data: `templates/draw.js` draws curves in the browser, bars are plain HTML.
 
-A drawing library for the browser is two megabytes, compressed. What reports need of one (curves, points with error
-bars, bands, a map of colours, zoom, values under the pointer) is one short script.
+A drawing library for the browser is two megabytes, compressed. Reports only need curves, points with error bars, bands,
+a colour map, zoom, and values under the pointer; one short script provides them.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from antidrive.downsampling import downsample
 Array = NDArray[np.float64]
 
 MEASURED, BEFORE, AFTER, SECOND, THIRD = "#8a929b", "#e07b27", "#2f7fd1", "#2a9d6f", "#b65fa0"
-"""Told apart in light and dark and by readers who see no red: grey, orange, blue, green, purple."""
+"""Distinct in light and dark mode and for colour-blind readers: grey, orange, blue, green, purple."""
 
 Style: TypeAlias = Literal["line", "dashes", "points", "rings", "band"]
 
-_DIGITS = 5  # of the range of what is drawn
+_DIGITS = 5  # significant digits, relative to the range of the values
 _BAND = 1000  # points of each edge of a band
 
 
@@ -33,10 +33,10 @@ class Curve:
     """One curve of a figure.
 
     Attributes:
-        name: in the legend, where it stands once for all curves of that name and colour; "" for none.
+        name: in the legend, once for all curves of that name and colour; "" for none.
         colour: #rrggbb.
         x, y: (T,) with NaN where the line breaks.
-        style: how it is drawn; a band reaches from `y` to `high`.
+        style: how it is drawn; a band extends from `y` to `high`.
         high: (T,) upper edge of a band.
         error: (T,) half length of an error bar of a point.
         width: of the line [px].
@@ -58,11 +58,11 @@ class Row:
 
     Attributes:
         title: of the y axis, with its unit.
-        curves: what is drawn.
+        curves: curves to draw.
         levels: heights of dotted lines.
-        share: of the figure's height, against the other rows.
-        map: in place of curves colours over x (X,) and y (Y,), with their values (X, Y); NaN is left empty.
-        what: the title of those values, with its unit.
+        share: relative height of the row.
+        map: instead of curves, a colour map over x (X,) and y (Y,) with values (X, Y); NaN is left empty.
+        what: title of those values, with their unit.
     """
 
     title: str
@@ -75,7 +75,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Figure:
-    """Rows of plots over one x axis.
+    """Rows of plots with a common x axis.
 
     Attributes:
         x: title of the x axis, with its unit.
@@ -88,12 +88,12 @@ class Figure:
     height: int
 
     def __html__(self) -> Markup:
-        """Its place on a page, and the numbers beside it."""
+        """An empty element for the plot, followed by its data."""
         text = json.dumps(self.to_dict(), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
         return Markup('<div class="plot"></div>\n<script type="application/json">{}</script>').format(Markup(text))
 
     def to_dict(self) -> dict[str, Any]:
-        """What the script draws."""
+        """Data for the script."""
         return {"x": self.x, "height": self.height, "rows": [_row(row) for row in self.rows]}
 
 
@@ -102,9 +102,9 @@ class Bar:
     """One bar.
 
     Attributes:
-        name: before it.
+        name: in front of it.
         length: in the unit of `Bars.full`.
-        label: behind it.
+        label: after it.
         colour: #rrggbb.
         error: half length of its error bar.
     """
@@ -122,8 +122,8 @@ class Bars:
 
     Attributes:
         bars: from the top.
-        full: length that fills the place of a bar.
-        mark: where a dotted line stands, if any.
+        full: length of a full bar.
+        mark: position of a dotted line, if any.
     """
 
     bars: Sequence[Bar]
@@ -131,7 +131,7 @@ class Bars:
     mark: float | None = None
 
     def __html__(self) -> Markup:
-        """Name, bar and label, a line each; without any script."""
+        """Name, bar and label in one line each; without a script."""
         return Markup('<div class="bars">{}</div>').format(Markup("").join(self._line(bar) for bar in self.bars))
 
     def _line(self, bar: Bar) -> Markup:
@@ -144,7 +144,7 @@ class Bars:
         return _LINE.format(bar.name, Markup("").join(parts), bar.label)
 
     def _share(self, length: float) -> float:
-        """Of the place of a bar [%]."""
+        """Length as a percentage of a full bar."""
         return round(100.0 * min(max(length / self.full, 0.0), 1.0), 2)
 
 
@@ -173,7 +173,7 @@ def _row(row: Row) -> dict[str, Any]:
 
 
 def _curve(curve: Curve) -> dict[str, Any]:
-    """With as many points as a screen can show."""
+    """A curve, with as many points as a screen can show."""
     x, y, kept = curve.x, curve.y, np.arange(curve.x.size)
     if curve.style == "band" and curve.high is not None:
         kept = np.union1d(downsample(y, _BAND), downsample(curve.high, _BAND))
@@ -189,7 +189,7 @@ def _curve(curve: Curve) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """As precise as a drawing can show, None for what is no number."""
+    """Numbers with the precision of a drawing, None for NaN and infinity."""
     exact = np.asarray(values, dtype=float)
     there = exact[np.isfinite(exact)]
     reach = float(np.ptp(there)) or float(np.abs(there).max()) if there.size else 0.0

@@ -1,4 +1,4 @@
-"""The options on a command line that say what drives a machine has, and what its controller is told."""
+"""Command-line options for the drives of a machine, their limits, and the controller."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ DRIVES = in_panel(
         ],
     },
 )
-"""What the machine is, by name in Python, and how it is typed."""
+"""Options of the drives, by their name in Python."""
 
 LIMITS = in_panel(
     "Limits of the drives",
@@ -58,7 +58,7 @@ LIMITS = in_panel(
         ],
     },
 )
-"""What its drives may do."""
+"""Options of the drives' limits."""
 
 TUNING = in_panel(
     "The controller",
@@ -109,11 +109,11 @@ TUNING = in_panel(
         ],
     },
 )
-"""What else its controller is told: the attributes of `mpc.Controller`, whose own values stand where none is typed."""
+"""Options of the controller: attributes of `mpc.Controller`, whose defaults apply if an option is not given."""
 
 
 def with_options(*tables: dict[str, Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A command whose parameter `said` holds what was typed of the options in some tables, by name."""
+    """Decorate a command so that its parameter `said` holds the given options of some tables, by name."""
     words = {name: kind for table in tables for name, kind in table.items()}
 
     def typed_as(command: Callable[..., None]) -> Callable[..., None]:
@@ -141,10 +141,10 @@ def with_options(*tables: dict[str, Any]) -> Callable[[Callable[..., None]], Cal
 
 
 def controller_numbers(said: Mapping[str, Any]) -> dict[str, Any]:
-    """Of what was typed, the attributes of a controller; a number for all drives, or one for each.
+    """The attributes of a controller among the given options; a number for all drives, or one for each.
 
     Raises:
-        BadParameter: a text that is no number, and no list of them.
+        BadParameter: a text that is no number, and no list of numbers.
     """
     return {name: _per_drive(name, said[name]) if name in LIMITS else said[name] for name in said if name not in DRIVES}
 

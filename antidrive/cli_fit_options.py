@@ -1,4 +1,4 @@
-"""The options on a command line that say what is known of parameters and effects; read by `fit_options`."""
+"""Command-line options for prior knowledge of parameters and effects; read by `fit_options`."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ Effects = Annotated[
 
 
 def fit_options(**words: Any) -> Any:
-    """The `FitOptions` of these words; its module is imported only now, for the plant behind it is heavy."""
+    """The `FitOptions` of these words; imported only here, as the plant is slow to import."""
     from antidrive.fit_options import FitOptions
 
     return FitOptions.typed(**words)

@@ -1,4 +1,4 @@
-"""The options on a command line that say where a log is and how to read it; read by `log_options`."""
+"""Command-line options for the files of a log and their interpretation; read by `log_options`."""
 
 from __future__ import annotations
 
@@ -84,11 +84,11 @@ WORDS = in_panel(
         "data": Annotated[Path | None, typer.Option(metavar="FOLDER", help="Folder of the data set.")],
     },
 )
-"""Name of each option in Python, and how it is typed."""
+"""Options of a log, by their name in Python."""
 
 
 def with_log(command: Callable[..., None]) -> Callable[..., None]:
-    """A command whose parameter `log`, a `LogOptions`, is typed as the options in `WORDS`."""
+    """Decorate a command so that its parameter `log`, a `LogOptions`, is built from the options in `WORDS`."""
 
     def typed(**given: Any) -> None:
         words = {name: given.pop(name) for name in WORDS}
@@ -118,9 +118,9 @@ def log_options(
     holdout: list[Path] | None,
     **said: Any,
 ) -> Any:
-    """The `LogOptions` of these words; its module is imported only now, for what it needs is heavy.
+    """The `LogOptions` of these words; imported only here, as its dependencies are slow to import.
 
-    A log.toml in place of a log is read, and what is typed comes before it.
+    A log.toml in place of a log is read; options on the command line override it.
     """
     from antidrive.log_options import LogOptions
     from plant.errors import BadParameter

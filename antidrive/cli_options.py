@@ -1,4 +1,4 @@
-"""The options on a command line that many commands share."""
+"""Command-line options shared by many commands."""
 
 from __future__ import annotations
 

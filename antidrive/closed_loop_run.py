@@ -1,4 +1,4 @@
-"""A closed loop on the rig, told: numbers, sentences, a table and a figure."""
+"""Report of a closed loop on the rig: numbers, sentences, a table and a figure."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoopRun:
-    """A closed loop and what it was for.
+    """A closed loop, and the loops it is compared with.
 
     Attributes:
-        title: for people.
-        scenario: what was simulated.
-        result: what happened.
-        min_torque: least pinion torque that the controller had to keep [N m].
-        max_torque: greatest [N m].
-        single: the same motion with one drive alone, when it was compared.
-        intact: the same motion with both drives throughout, when one was lost.
-        notes: what is to be known of the machine, in sentences.
-        again: summaries of the same with other noise of the encoders.
+        title: for users.
+        scenario: the simulated scenario.
+        result: its result.
+        min_torque: minimum pinion torque required of the controller [N m].
+        max_torque: maximum pinion torque [N m].
+        single: the same motion with a single drive, if it was compared.
+        intact: the same motion with both drives throughout, if one was lost.
+        notes: remarks on the machine, in sentences.
+        again: summaries of repeated runs with different encoder noise.
     """
 
     title: str
@@ -44,7 +44,7 @@ class ClosedLoopRun:
     notes: tuple[str, ...] = ()
 
     def table(self) -> pd.DataFrame:
-        """The trajectory, one row a sample, SI units."""
+        """The trajectory, one row per sample, SI units."""
         beside: dict[str, Any] = {}
         if self.single is not None:
             beside |= {"single_drive_angle": self.single.angle, "single_drive_torque": self.single.torques[:, 0]}
@@ -53,12 +53,12 @@ class ClosedLoopRun:
         return self.result.to_frame().assign(**beside)
 
     def summary(self) -> dict[str, Any]:
-        """The numbers of the trial, SI units, and how much they scatter if it was run again."""
+        """The numbers of the run, SI units, and their scatter if it was repeated."""
         found = self._one_summary()
         return found if not self.again else {**found, "runs": 1 + len(self.again), "std": self.scatter()}
 
     def scatter(self) -> dict[str, float]:
-        """Standard deviation of each number over all runs, which differ in the noise of the encoders."""
+        """Standard deviation of each number over all runs, which differ in the encoders' noise."""
         runs = [flat(found) for found in (self._one_summary(), *self.again)]
         names = [name for name, value in runs[0].items() if name != "schema" and _is_number(value)]
         columns = {name: [run.get(name) for run in runs] for name in names}
@@ -96,7 +96,7 @@ class ClosedLoopRun:
         return found
 
     def _loss(self, first: int) -> dict[str, Any]:
-        """What the loss of a drive at sample `first` cost: errors from then on, and without it in the same samples."""
+        """Errors after the loss of a drive at sample `first`, and in the same samples without the loss."""
         error = (self.result.angle - self.result.reference)[first:]
         if error.size == 0:
             return {"backlash_control": "kept"}
@@ -112,13 +112,13 @@ class ClosedLoopRun:
         return {**found, "backlash_control": "lost" if lost else "kept"}
 
     def _preloaded(self) -> slice:
-        """The samples in which both drives worked."""
+        """The samples before the loss of a drive."""
         loss = self.scenario.drive_loss
         count = self.result.time.size
         return slice(0, count if loss is None else min(count, round(loss.time / self.scenario.sample_time)))
 
     def sentences(self) -> list[str]:
-        """What happened, in words."""
+        """Results in sentences."""
         s, told = flat(self._one_summary()), dict(self.numbers())
         lines = [
             *self.notes,
@@ -165,7 +165,7 @@ class ClosedLoopRun:
         return lines
 
     def numbers(self) -> list[tuple[str, str]]:
-        """The summary for a table: name, and value with its unit and its standard deviation over all runs."""
+        """The summary as table rows: name, and value with unit and standard deviation over all runs."""
         _, rad, _, newton = axis_quantities(self.result.axis)
         units = {"heat": "N² m²", **dict.fromkeys(("tracking", "largest", "final"), rad)}
         units |= dict.fromkeys(("least", "impact"), newton)
@@ -196,7 +196,7 @@ def loop_figure(
     intact: ClosedLoopResult | None = None,
     limits: tuple[float, ...] = (),
 ) -> Any:
-    """Reference and angle, error, pinion torques with their limits, flank torques; beside it other loops."""
+    """Figure of reference and angle, error, pinion torques with their limits, flank torques; with the other loops."""
     from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
     from antidrive.figures import traces_figure
 
@@ -225,7 +225,7 @@ def loop_figure(
 
 
 def loop_sentences(result: ClosedLoopResult) -> list[str]:
-    """What happened in a loop, in words."""
+    """Results of a loop, in sentences."""
     _, rad, _, newton = axis_quantities(result.axis)
     least, optimal = result.least_flank_torque, result.time.size - result.degraded
     contact = f"minimum contact torque {least:.3g} {newton}" if least > 0.0 else "contact was lost"
@@ -236,7 +236,7 @@ def loop_sentences(result: ClosedLoopResult) -> list[str]:
 
 
 def flat(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """A summary without parts: what one drive did alone has its own names."""
+    """A summary without nested parts; numbers of the single drive get their own names."""
     alone = {f"{name}_single_drive": value for name, value in summary.get("single_drive", {}).items()}
     return {name: value for name, value in summary.items() if not isinstance(value, dict)} | alone
 

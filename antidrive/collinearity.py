@@ -1,7 +1,7 @@
-"""How alike effects are: what a refit, or another effect, takes over of an effect's mark, to first order.
+"""Collinearity of effects: the part of an effect's signature that a refit, or another effect, absorbs to first order.
 
-The mark is what the torque of an effect along the motion without it does to the reading; it passes through the same
-linearised model, as the diagnosis does it; the competing effects are represented by their signatures.
+The signature is the response of the measurement to the torque of an effect, computed along the motion without it. It
+passes through the same linearised model as in the diagnosis. Competing effects are represented by their regressors.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from plant.simulation import beginning
 
 
 def absorbed_share(effect: Effect, on: StandardExcitation) -> float:
-    """Share of an effect's mark that a refit of the model without it takes over [-]."""
+    """Fraction of an effect's signature that is absorbed by a refit of the model without it [-]."""
     mark = _mark(effect, on)
     return 1.0 - _power(_beyond(on, mark)) / max(_power(mark), 1e-300)
 
 
 def collinear_share(kind: type[Effect], other: type[Effect]) -> float | None:
-    """Share of what a refit leaves of an effect's mark that another effect, of its best shape, would take over [-].
+    """Fraction of an effect's signature, after a refit, that another effect would absorb at its best parameters [-].
 
-    None where one of the two has no trace.
+    None if one of the two effects has no signature.
     """
     for on in (standard_excitation(False, kind, other), standard_excitation(True, kind, other)):
         effect = kind.typical(on.motion)
@@ -42,14 +42,14 @@ def collinear_share(kind: type[Effect], other: type[Effect]) -> float | None:
 
 
 def _mark(effect: Effect, on: StandardExcitation) -> Array:
-    """(T, 1) what an effect does to the reading, to first order [rad]."""
+    """(T, 1) response of the measurement to an effect, to first order [rad]."""
     return on.response(added_torque(effect, on)[:, None], on_reading=effect.stage is Stage.SENSOR)
 
 
 def added_torque(effect: Effect, on: StandardExcitation) -> Array:
-    """(T,) mean torque over each sample that an effect adds along the motion without it [N m]; a sensor's error [rad].
+    """(T,) mean torque that an effect adds over each sample of the motion without it [N m]; of a sensor, its error.
 
-    The load is led along the path that it takes without the effect, and only the effect's own states go on.
+    The load is forced along its path without the effect, and only the effect's own states are simulated.
     """
     model = on.model.with_effect(effect)
     values, inputs = on.step_inputs(model)
@@ -67,12 +67,12 @@ def added_torque(effect: Effect, on: StandardExcitation) -> Array:
 
 
 def _beyond(on: StandardExcitation, responses: Array) -> Array:
-    """(T, m) what a refit of the model does not take over of the responses (T, m)."""
+    """(T, m) residual of the responses (T, m) after a refit of the model."""
     return np.asarray(responses - on.absorbed @ (on.absorbed.T @ responses))
 
 
 def _explained(mark: Array, responses: Array) -> float:
-    """Share of a mark (T, 1) that lies in the span of responses (T, m) [-]."""
+    """Fraction of a signature (T, 1) in the span of responses (T, m) [-]."""
     found = np.linalg.lstsq(responses, mark, rcond=1e-8)[0]
     return 1.0 - _power(mark - responses @ found) / max(_power(mark), 1e-300)
 

@@ -1,4 +1,4 @@
-"""What each command does, from options to files."""
+"""The work of each command, from options to files."""
 
 from __future__ import annotations
 
@@ -237,7 +237,7 @@ def simulate(
 
 
 def _design(said: Mapping[str, Any], known: ModelFile | None) -> Design:
-    """The design of a closed loop; without options the drives are those of the rig."""
+    """The design of a closed loop; without drive options and gears in the model, the drives are those of the rig."""
     from antidrive.cli_drive_options import DRIVES, controller_numbers
     from antidrive.drives import drives
     from antidrive.scenario_file import Design

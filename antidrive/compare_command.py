@@ -1,4 +1,4 @@
-"""`antidrive compare`: what has changed since a model was identified."""
+"""`antidrive compare`: changes since a model was identified."""
 
 from __future__ import annotations
 

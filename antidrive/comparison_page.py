@@ -1,4 +1,4 @@
-"""The picture of what has changed, and the page around it."""
+"""The figure of the changes since an identification, and its page."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from antidrive.provenance import Provenance
 
 
 def change_bars(found: Comparison) -> Bars:
-    """By how many standard errors each parameter has changed; in colour what changed beyond chance."""
+    """Change of each parameter in standard errors; significant changes are coloured."""
     told = [change for change in found.changes if change.errors is not None]
     bars = [
         Bar(
@@ -25,7 +25,7 @@ def change_bars(found: Comparison) -> Bars:
 
 
 def changes_page(found: Comparison, provenance: Provenance) -> str:
-    """Sentences and the picture."""
+    """The page with sentences and figure."""
     log = found.diagnosis.base.log
     return page(
         "picture",

@@ -1,4 +1,4 @@
-"""What the shell may offer for a word that has been begun."""
+"""Completions that the shell offers for an incomplete word."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ TABLES = ("friction", "cogging", "gravity", "position-error", "dead-zone", "back
 
 
 def tables(begun: str) -> list[str]:
-    """Kinds of tables for drives."""
+    """Kinds of drive tables."""
     return [name for name in TABLES if name.startswith(begun)]
 
 
@@ -19,7 +19,7 @@ def datasets(begun: str) -> list[str]:
 
 
 def scenarios(begun: str) -> list[str]:
-    """Names of the scenarios that come with the package."""
+    """Names of the scenarios in the package."""
     names = (file.name.removesuffix(".toml") for file in files("antidrive").joinpath("scenarios").iterdir())
     return sorted(name for name in names if name.startswith(begun))
 

@@ -1,4 +1,4 @@
-"""What a command prints: progress on a terminal, words or JSON at the end."""
+"""Output of a command: progress on a terminal, text or JSON at the end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BETWEEN = 10.0  # seconds between two lines of progress where there is no termi
 
 @dataclass(frozen=True, kw_only=True)
 class Console:
-    """What one command prints.
+    """Output of one command.
 
     Attributes:
         quiet: print nothing but errors (and JSON with `json`).
@@ -34,7 +34,7 @@ class Console:
     words: tuple[str, ...] = ("antidrive",)
 
     def result(self, text: str, content: Any) -> None:
-        """Print a result, in words or as JSON."""
+        """Print a result, as text or as JSON."""
         if self.json:
             print(to_json(content, ascii=not (sys.stdout.encoding or "utf-8").lower().startswith("utf")))
         elif not self.quiet and sys.stdout.isatty():
@@ -44,9 +44,9 @@ class Console:
 
     @contextmanager
     def progress(self, begin: str) -> Iterator[Callable[[str], None] | None]:
-        """A function that shows a line of progress, and the time left, as long as the block runs; None if unwatched.
+        """A function that shows a line of progress, and the time left, while the block runs; None if quiet.
 
-        A terminal shows it all the time; elsewhere on stderr, in a log of some service, a line every ten seconds.
+        A terminal shows it continuously; otherwise, as in the log of a service, stderr gets a line every ten seconds.
         """
         if self.quiet:
             yield None
@@ -82,9 +82,9 @@ def _now_and_then(watch: Watch) -> Iterator[None]:
 
 
 def print_error(sentence: str) -> None:
-    """Print what went wrong on stderr: a sentence in one line, or on a terminal without breaking words.
+    """Print an error on stderr: a sentence in one line, or on a terminal without breaking words.
 
-    Lines below it, such as a table, stay as they are.
+    Lines below it, such as a table, are printed unchanged.
     """
     sentence, *lines = sentence.splitlines()
     sentence = f"antidrive: {' '.join(sentence.split())}"
@@ -95,9 +95,9 @@ def print_error(sentence: str) -> None:
 
 
 def _shown(text: str) -> None:
-    """Lines on a terminal: the first stands out, warnings have a colour, and what is long goes on below its beginning.
+    """Print lines on a terminal: the first is bold, warnings are coloured, and wrapped lines keep their indentation.
 
-    Without colour where NO_COLOR is set.
+    There is no colour if NO_COLOR is set.
     """
     from rich.console import Console
     from rich.padding import Padding

@@ -25,10 +25,11 @@ from plant.signals import chirp, steps
 
 SAMPLE_TIME = 0.005
 HIDDEN = {"coulomb_friction": 0.25, "cogging_amplitude": 0.2, "cogging_order": 12.0, "cogging_phase": 0.7}
-"""What the demo's rig has and its base model has not."""
+"""Effects of the demo's rig that its base model lacks."""
 ENCODER_NOISE = 1e-4
-"""Of the demo's rig [rad], two counts. Well below one count the compliance of the teeth and the counting steps are
-larger than the noise; neither is in the catalogue, and friction is then given the name of a neighbour."""
+"""Of the demo's rig [rad], two counts. With noise well below one count, mesh compliance and quantisation exceed it.
+Neither is in the catalogue, and friction would then be reported as a similar effect.
+"""
 _LIMITS = {"min_torque": 0.02, "max_torque": 0.3}
 _MOTION = Scenario(
     name="demo",
@@ -43,7 +44,7 @@ _MOTION = Scenario(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Demo:
-    """What the chain found.
+    """Results of the chain.
 
     Attributes:
         log, validation: synthetic, for identification and for validation.
@@ -60,7 +61,7 @@ class Demo:
 
     @property
     def trials(self) -> tuple[ClosedLoopRun, ClosedLoopRun]:
-        """Both loops."""
+        """Both closed loops."""
         return self.base, self.extended
 
     @property
@@ -74,7 +75,7 @@ class Demo:
         return self.diagnosis.extended.model_file()
 
     def summary(self) -> dict[str, Any]:
-        """What was missing, and what knowing it brings, in numbers."""
+        """The missing effects, and the improvement by including them, in numbers."""
         gain = self.diagnosis.gain
         before, after = self.base.result.tracking_rms, self.extended.result.tracking_rms
         return {
@@ -92,7 +93,7 @@ class Demo:
         }
 
     def sentences(self) -> list[str]:
-        """The same in words."""
+        """The summary in sentences."""
         found, gain = self.summary(), self.diagnosis.gain
         lines = [f"Synthetic log from the test-bench simulation. {headline(self.diagnosis)}"]
         for cause in self.diagnosis.causes:
@@ -116,7 +117,7 @@ class Demo:
 
 
 def run_demo(*, seed: int = 0, progress: Callable[[str], None] | None = None) -> Demo:
-    """Run the chain: a log and a held-out log on the rig, the diagnosis, and two controllers on the same motion.
+    """Run the chain: a log and a validation log on the rig, the diagnosis, and two controllers on the same motion.
 
     Args:
         seed: of the encoder's noise.
@@ -136,7 +137,7 @@ def run_demo(*, seed: int = 0, progress: Callable[[str], None] | None = None) ->
 
 
 def record(rig: Rig, *, seed: int, held_out: bool = False) -> Log:
-    """A log of the rig under a chirp and steps, the teeth kept together by the least preload that holds them."""
+    """A log of the rig under a chirp and steps; the minimum preload keeps the teeth in contact."""
     if held_out:
         torque = np.concatenate(
             (
@@ -158,7 +159,7 @@ def record(rig: Rig, *, seed: int, held_out: bool = False) -> Log:
 
 
 def write_log(log: Log, path: Path) -> None:
-    """Write a log as it would lie on a disk: time, torque, angle."""
+    """Write a log in the form of a measured file: time, torque, angle."""
     import pandas as pd
 
     columns = [{"time": run.time, "torque": run.command, "angle": run.output} for run in log.runs]

@@ -11,9 +11,9 @@ LIMIT = 2000  # points of one drawn curve
 
 
 def downsample(y: NDArray[np.float64], limit: int = LIMIT) -> NDArray[np.intp]:
-    """Places (P,) of the samples to draw of a curve (T,): the ends, and least and greatest of each stretch.
+    """Indices (P,) of the samples to draw of a curve (T,): the ends, and minimum and maximum of each section.
 
-    NaN counts as a gap: each gap that covers a whole stretch keeps one NaN, so that the drawn line breaks there.
+    A section that is all NaN keeps one NaN, so that the drawn line breaks there.
     """
     size = y.size
     if size <= limit:

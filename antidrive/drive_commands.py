@@ -1,4 +1,4 @@
-"""What the commands about the drives do: allocate torques, map what can be held, export the controller."""
+"""The work of the drive commands: allocate torques, map the capability, export the controller."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ INERTIA = 2.0  # of its load [kg m^2]
 def allocate(
     torques: list[float], said: Mapping[str, Any], *, model: Path | None, effects: Path | None, console: Console
 ) -> None:
-    """Print how torques on the load are allocated to its drives."""
+    """Print the allocation of load torques to the drives."""
     from allocation import Allocator
 
     known = None if model is None else read_own_model(model, effects)
@@ -67,7 +67,7 @@ def capability(
     out: Path,
     console: Console,
 ) -> None:
-    """Map what two drives can do without losing contact, and write capability.csv and report.html."""
+    """Map the torques of two drives without loss of contact, and write capability.csv and report.html."""
     from allocation import Allocator
     from antidrive import capability as told
 

@@ -1,4 +1,4 @@
-"""The closed loop when one drive gives no torque: the other one carries the load alone."""
+"""The closed loop when one drive fails: the other one drives the load alone."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ def loop_with_drive_loss(
 ) -> ClosedLoopResult:
     """Run a controller on the rig while one drive fails.
 
-    Until the loss is known the other drive gives its own part of the torque, and the load is pushed aside. From then on
-    the torque of the controller goes to the allocator of the remaining drives: the other drive gives it
-    alone, in both senses and within its limit. Motion is kept; its flank parts whenever the torque reverses, and the
-    backlash shows. Encoders at the motors are not used any more: their angle is wrong by the backlash.
+    Until the loss is detected the other drive gives only its own part of the torque, and the load is disturbed. From
+    then on the torque of the controller is allocated to the other drive alone, in both directions and within its limit.
+    The motion continues; its flank loses contact whenever the torque reverses, and the backlash has an effect. Motor
+    encoders are not used any more: their angle is wrong by the backlash.
 
     Args:
-        controller: a fresh one.
+        controller: a new one.
         rig: the machine.
-        reference: (T,) wanted load angle [rad].
-        pushes: (T,) disturbing torque on the load [N m].
+        reference: (T,) reference of the load angle [rad].
+        pushes: (T,) disturbance torque on the load [N m].
         drive: 1 or 2, the one that fails.
-        time: when it fails [s].
+        time: of the failure [s].
         seed: of the encoder's noise.
-        detection: how long after that the loss is known [s].
-        after_sample: called after each.
+        detection: delay until the loss is detected [s].
+        after_sample: called after each sample.
     """
     dt, ahead = controller.sample_time, controller.horizon
     left = Allocator(rig.gears, min_torque=controller.min_torque, max_torque=controller.max_torque, lost=(drive,))

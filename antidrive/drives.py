@@ -1,5 +1,4 @@
-"""Which drives a machine has and how fast it is sampled: what was typed, else what its model file knows, else an
-assumption, which is told."""
+"""Drives and sample time of a machine: from the options, else from the model file, else assumed and reported."""
 
 from __future__ import annotations
 
@@ -16,14 +15,14 @@ SAMPLE_TIME = 0.005  # [s]
 
 
 def drives(said: Mapping[str, Any], known: ModelFile | None = None) -> tuple[DriveTrain, list[str]]:
-    """The drive train, and what of it was assumed, in sentences.
+    """The drive train, and the assumptions on it, in sentences.
 
     Args:
-        said: what was typed, see `antidrive.cli_drive_options.DRIVES`.
+        said: the given options, see `antidrive.cli_drive_options.DRIVES`.
         known: the model, whose log may have been read with its gears.
 
     Raises:
-        BadParameter: options that contradict each other, or a linear axis of which nothing is known.
+        BadParameter: options that contradict each other, or a linear axis without a given ratio.
     """
     teeth, ratio = said.get("gears"), said.get("ratio")
     if teeth is not None and ratio is not None:
@@ -46,7 +45,7 @@ def drives(said: Mapping[str, Any], known: ModelFile | None = None) -> tuple[Dri
 
 
 def _others(train: DriveTrain, said: Mapping[str, Any]) -> DriveTrain:
-    """The same with a single drive, or with pre-reductions."""
+    """The drive train reduced to a single drive, or with pre-reductions."""
     if said.get("one_drive"):
         train = Ratios(ratios=tuple(train.torque_map.tolist())[:1])
     if (turns := said.get("pre_reduction")) is not None:
@@ -58,7 +57,7 @@ def _others(train: DriveTrain, said: Mapping[str, Any]) -> DriveTrain:
 
 
 def sample_time(said: Mapping[str, Any], known: ModelFile) -> tuple[float, list[str]]:
-    """Seconds between two samples, and what of it was assumed, in sentences."""
+    """Seconds between two samples, and the assumptions on them, in sentences."""
     if said.get("sample_time") is not None:
         return said["sample_time"], []
     if known.sample_time is not None:

@@ -1,4 +1,4 @@
-"""What can be read from equations: how a model's look in print, and where an effect's have a kink."""
+"""Equations of a model typeset, and the kinks in the equations of an effect."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ _KINKS = {
     ca.OP_IF_ELSE_ZERO: "case",
     ca.OP_FLOOR: "step",
 }
-_ADDED = re.compile(r"(\\tau_[^la])\s*(?:=|\\in)")  # a torque on the load; tau_l is the drivetrain's, tau_a a lag's
+_ADDED = re.compile(r"(\\tau_[^la])\s*(?:=|\\in)")  # a torque on the load; tau_l: drivetrain, tau_a: lag
 _GREEK = re.compile(r"\b(?:alpha|gamma|mu)\b")
-_STEP = 0.01  # an integration step [s]; as a number, so that no guard against a step of zero counts as a kink
+_STEP = 0.01  # an integration step [s]; a number, so that no guard against a step of zero counts as a kink
 
 
 def typeset(equation: str) -> Markup:
-    """LaTeX as MathML, which a browser shows without help."""
+    """LaTeX as MathML, which browsers display directly."""
     try:
         printed = convert(equation, display="block")
-    except Exception:  # the converter may not know it: then the source is shown
+    except Exception:  # the converter may not support it: then the source is shown
         return Markup("<code>{}</code>").format(equation)
     return Markup(printed.replace(' xmlns="http://www.w3.org/1998/Math/MathML"', ""))
 
 
 def model_equations(model: ServoModel) -> list[tuple[str, Markup, str]]:
-    """Title, printed equation and meaning of the symbols for the rigid body (eq. 4) and each effect of a model."""
+    """Title, typeset equation and meaning of the symbols for the rigid body (eq. 4) and each effect of a model."""
     rotary, loose = model.axis == "rotary", model.drivetrain is not None
     names = {effect.name for effect in model.effects}
     torque = r"\tau_a" if "actuator_lag" in names else r"\tau"
@@ -58,7 +58,7 @@ def _letter(name: re.Match[str]) -> str:
 
 
 def kinks(effect: Effect) -> tuple[str, ...]:
-    """Kinks in the equations of an effect, its dry friction aside."""
+    """Kinks in the equations of an effect, without those of its dry friction."""
     x, v, w, torque, state, time = (ca.SX.sym(name) for name in ("x", "v", "w", "torque", "state", "time"))
     symbols = [ca.SX.sym(spec.name) for spec in effect.parameters()]
     law = effect.bound(symbols)
@@ -79,7 +79,7 @@ def kinks(effect: Effect) -> tuple[str, ...]:
 
 
 def forms(effect: Effect) -> str:
-    """The exact and the smooth form in words."""
+    """The exact and the smooth form in sentences."""
     found = kinks(effect)
     if effect.dry_friction(Moment()) is not None:
         more = f" What else has a kink ({', '.join(found)}) is exact in the fit too." if found else ""

@@ -7,7 +7,7 @@ from antidrive.experiments.outcome import Picture
 
 
 def picture_figure(picture: Picture) -> chart.Figure:
-    """Draw a picture; what was measured at single places as points."""
+    """Draw a figure of an experiment; values at single places as points."""
     curves = [
         chart.Curve(name=c.name, colour=c.colour, x=c.x, y=c.y, style="rings" if c.points else "line")
         for c in picture.curves

@@ -1,4 +1,4 @@
-"""The controller in the forms that leave Python: C99 for a target, FMUs for the tools of Simulink and Modelica."""
+"""Exports of the controller: C99 for a target, FMUs for Simulink and Modelica tools."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from plant import Fmu, ServoModel, servo_fmu
 def c99(
     controller: Controller, single: bool, folder: Path, *, name: str = "antidrive"
 ) -> tuple[list[str], dict[str, Any]]:
-    """Write the C files; what they are, for readers and for scripts."""
+    """Write the C files; return descriptions for users and for scripts."""
     made = target_code(controller, single=single, name=name)
     for file, text in made.files.items():
         (folder / file).write_text(text, encoding="utf-8")
@@ -22,7 +22,7 @@ def c99(
 
 
 def fmu_entry(fmu: Fmu) -> tuple[str, dict[str, Any]]:
-    """What goes into an FMU and what comes out, for readers and for scripts."""
+    """Inputs and outputs of an FMU, for users and for scripts."""
     inputs, outputs, parameters = (
         [variable.name for variable in fmu.variables if variable.causality == kind]
         for kind in ("input", "output", "parameter")
@@ -39,7 +39,7 @@ def fmus(
     *,
     name: str = "antidrive",
 ) -> tuple[list[str], dict[str, Any]]:
-    """Write the controller and the plant that it is for as FMUs; what they are, for readers and for scripts."""
+    """Write the controller and its plant as FMUs; return descriptions for users and for scripts."""
     plant = servo_fmu(model, sample_time=controller.sample_time, gears=controller.gears, name=name)
     told, entries, made = [], [], (controller_fmu(controller, name=name), plant)
     done = Parts(sum(len(fmu.compilers()) for fmu in made), tell, doing="compiling the FMUs").done

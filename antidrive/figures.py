@@ -1,4 +1,4 @@
-"""Figures of results. Each takes a finished result and only draws; nothing is computed here."""
+"""Figures of results. Each function draws a finished result; nothing is computed here."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from diagnosis.result import Gain, Replay
 if TYPE_CHECKING:
     from antidrive.signature import Signature
 
-_WIDE = 3.5  # of the line of what was measured, under those of models [px]
+_WIDE = 3.5  # width of measured curves, which lie under those of models [px]
 
 
 def replay_figure(replay: Replay, unit: str, *, extended: bool) -> Figure:
-    """Measured against simulated, and below it the error of the simulation.
+    """Measured and simulated output, and below them the error of the simulation.
 
     Args:
         replay: one run.
@@ -61,7 +61,7 @@ def residual_figure(residual: ResidualTorque) -> Figure:
 
 
 def curve_figure(before: ResidualCurve, after: ResidualCurve | None, unit: str) -> Figure:
-    """The residual torque over one variable, as means with their 95 % errors: of the base and the extended model."""
+    """Residual torque over one variable, as means with 95 % error bars, for the base and the extended model."""
     pairs = [("base model", BEFORE, before)] + ([("extended model", AFTER, after)] if after is not None else [])
     curves = [
         Curve(name=name, colour=colour, x=curve.centre, y=curve.mean, error=curve.band, style="rings")
@@ -74,12 +74,12 @@ def curve_figure(before: ResidualCurve, after: ResidualCurve | None, unit: str) 
 
 
 def probability_bars(shares: Sequence[tuple[str, float, str]]) -> Bars:
-    """Posterior probabilities, the largest first: name, probability, and how it is printed."""
+    """Posterior probabilities, the largest first: name, probability, and printed text."""
     return Bars(bars=[Bar(name=name, length=share, label=label) for name, share, label in shares], full=1.0)
 
 
 def evidence_figure(grown: CumulativeEvidence) -> Figure:
-    """Evidence as it grew along the log, beside even growth."""
+    """Evidence accumulated along the log, compared with a linear growth."""
     ends = [0, grown.time.size - 1]
     even = np.array([0.0, grown.evidence[-1]])
     return Figure(
@@ -98,7 +98,7 @@ def evidence_figure(grown: CumulativeEvidence) -> Figure:
 
 
 def cause_figure(seen: ResidualOverVariable) -> Figure:
-    """Measured residual torque without and with an effect, and what the extended model predicts of it."""
+    """Measured residual torque without and with an effect, and the extended model's prediction of it."""
     said = torque_or_force(seen.torque_unit)
     return Figure(
         x=f"{seen.variable} [{seen.unit}]",
@@ -143,7 +143,9 @@ def gain_bars(gain: Gain, error: GainErrors, *, extended: bool) -> Bars:
 
 
 def signature_figure(found: Signature, variable: str, lacking: str) -> Figure:
-    """What a model lacks without an effect over the variable that tells; a line over time and where it makes loops.
+    """Missing torque or measurement error of a model without an effect, over its most informative variable.
+
+    It is drawn as a line over time and where it has loops.
 
     Args:
         found: the effect's signature.
@@ -155,7 +157,7 @@ def signature_figure(found: Signature, variable: str, lacking: str) -> Figure:
 
 
 def change_figure(found: Signature) -> Figure:
-    """What the sensor shows without and with an effect, and the difference below."""
+    """Measurement without and with an effect, and the difference below."""
     time = found.variables["time"]
     shown = [
         Curve(name="without it", colour=MEASURED, x=time, y=found.without, width=_WIDE),

@@ -1,4 +1,4 @@
-"""What a person says of parameters and effects: the options of `identify` and `diagnose`, and `[fit]` of a log.toml."""
+"""A user's settings for parameters and effects: options of `identify` and `diagnose`, and `[fit]` of a log.toml."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Pair: TypeAlias = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class FitOptions:
-    """What is known before a fit, and which effects a diagnosis may name; empty where nothing is said.
+    """Prior knowledge for a fit, and the candidate effects of a diagnosis; empty if nothing is given.
 
     Attributes:
         fixed: parameters that are not fitted, with their value or None for that of the model.
         bounds: least and greatest value by parameter.
         prior: mean and standard deviation by parameter.
-        per_run: parameters that have a value of their own in each run; of a fit, not of a diagnosis.
+        per_run: parameters with a separate value in each run; for a fit, not for a diagnosis.
         exclude, candidates: names of effects.
-        effects: a file that defines effects of one's own.
+        effects: a file that defines custom effects.
     """
 
     fixed: Mapping[str, float | None] = field(default_factory=dict)
@@ -49,7 +49,7 @@ class FitOptions:
         """From the words of a command line: `inertia`, `inertia=0.1:0.3`, `cogging,backlash`.
 
         Raises:
-            BadParameter: a word that is written wrongly.
+            BadParameter: a word with a wrong form.
         """
         return cls(
             fixed=_by_name("--fixed", _split("--fixed", fixed), _maybe, "inertia=0.2"),
@@ -73,7 +73,7 @@ class FitOptions:
             effects = "my_effect.py"
 
         Raises:
-            BadParameter: a key that there is not, or a value of the wrong kind.
+            BadParameter: an unknown key, or a value of the wrong kind.
         """
         keys = [each.name for each in fields(cls)]
         unknown = sorted(set(table) - set(keys))
@@ -93,8 +93,8 @@ class FitOptions:
         )
 
     def merged(self, other: FitOptions) -> FitOptions:
-        """These options, and those of another place, which win: parameter by parameter, or list by list."""
-        said = {*other.fixed, *other.bounds, *other.prior}  # of a parameter that is fixed now, no prior stands
+        """These options, overridden by others: parameter by parameter, or list by list."""
+        said = {*other.fixed, *other.bounds, *other.prior}  # a parameter that is fixed now has no prior
         return FitOptions(
             fixed=_kept(self.fixed, said) | dict(other.fixed),
             bounds=_kept(self.bounds, {*other.fixed, *other.bounds}) | dict(other.bounds),
@@ -106,7 +106,7 @@ class FitOptions:
         )
 
     def own_effects(self) -> tuple[type[Effect], ...]:
-        """The effects of one's own.
+        """The custom effects.
 
         Raises:
             BadParameter: as `own_effects.read_effects` does.
@@ -116,7 +116,7 @@ class FitOptions:
         return () if self.effects is None else read_effects(self.effects)
 
     def choice(self, own: Iterable[type[Effect]]) -> list[str | type[Effect]] | None:
-        """What a diagnosis may name: the candidates, else the catalogue and one's own; None is the catalogue alone."""
+        """Candidates of a diagnosis: the given ones, else catalogue and custom effects; None is the catalogue alone."""
         from plant.effects import catalogue
 
         by_name = {kind.name: kind for kind in own}
@@ -166,7 +166,7 @@ def _pairs(table: Mapping[str, Any], key: str) -> dict[str, Pair]:
     given = table.get(key, {})
     if not isinstance(given, Mapping):
         raise BadParameter(f"[fit] {key} must be a table, as in {key} = {{ inertia = [0.1, 0.3] }}, not {given!r}.")
-    # coulomb_friction.torque without quotes is a table in a table
+    # coulomb_friction.torque without quotes is a table within a table
     flat = {
         ".".join((name, *inner)): pair
         for name, entry in given.items()

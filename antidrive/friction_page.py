@@ -1,4 +1,4 @@
-"""The picture of a friction test, and the page around it."""
+"""The figure of a friction test, and its page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def friction_figure(found: FrictionTest) -> Figure:
 
 
 def friction_page(found: FrictionTest, provenance: Provenance) -> str:
-    """Sentences and the picture."""
+    """The page with sentences and figure."""
     caption = "Each point is the mean torque at one speed with its standard error, without inertia and gravity torque."
     log = found.log
     return page(

@@ -1,4 +1,4 @@
-"""The gallery: each effect with its equation, parameters, picture and confused effects, all from the effect itself."""
+"""The gallery: each effect with its equation, parameters, figures and confused effects, all from the effect itself."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def gallery_page(
     effects: Mapping[str, type[Effect]] = catalogue,
     progress: Callable[[str], None] | None = None,
 ) -> str:
-    """The page of effects by name: the catalogue, or also effects of one's own; `progress` is called for each."""
+    """The page of effects by name: the catalogue, or also custom effects; `progress` is called for each."""
     shown = []
     for number, kind in enumerate(effects.values()):
         if progress is not None:
@@ -41,7 +41,7 @@ def gallery_page(
 
 
 def facts(kind: type[Effect]) -> dict[str, Any]:
-    """What an effect says of itself, in plain types."""
+    """The properties of an effect, in plain types."""
     return {
         "name": kind.name,
         "title": kind.title,
@@ -66,7 +66,7 @@ def facts(kind: type[Effect]) -> dict[str, Any]:
 
 
 def table(effects: Mapping[str, type[Effect]] = catalogue) -> str:
-    """Name, stage and signature of each effect, one a line."""
+    """Name, stage and signature of each effect, one per line."""
     rows = [(kind.name, kind.stage.value, kind.trace) for kind in effects.values()]
     wide = [max(len(row[place]) for row in rows) for place in (0, 1)]
     left = sum(wide) + 4
@@ -87,12 +87,12 @@ def sheet(kind: type[Effect]) -> str:
 
 
 def paragraphs(kind: type[Effect]) -> list[str]:
-    """What an effect is, from its class's docstring."""
+    """Description of an effect, from its class's docstring."""
     return [" ".join(part.split()) for part in (inspect.getdoc(kind) or "").split("\n\n") if part.strip()]
 
 
 def bounds(spec: Parameter) -> str:
-    """The values that a parameter may have, in words."""
+    """The admissible values of a parameter, in words."""
     if not spec.fitted:
         return "stated at first"
     low, high = np.isfinite(spec.lower), np.isfinite(spec.upper)
@@ -104,7 +104,7 @@ def bounds(spec: Parameter) -> str:
 
 
 def _with_code(text: str) -> Markup:
-    """The text with what stands between backticks as code."""
+    """The text with backticks as code."""
     return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text))))
 
 
@@ -118,7 +118,7 @@ def _axis(kind: type[Effect]) -> Any:
 
 
 def _entry(kind: type[Effect], effects: Mapping[str, type[Effect]]) -> dict[str, Any]:
-    """What the template shows of an effect."""
+    """Content of the template for an effect."""
     found = signature(kind)
     return {
         "name": kind.name,
@@ -150,7 +150,7 @@ def _confused(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
 
 
 def _size(found: Signature) -> str:
-    """The size at which an effect is drawn, and on what."""
+    """The size at which an effect is drawn, and the kind of servo."""
     specs, axis = found.effect.parameters(), found.excitation.model.axis
     values = [
         f"{spec.name.replace('_', ' ')} {value:.3g} {printed(spec.unit_on(axis))}".rstrip()

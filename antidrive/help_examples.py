@@ -1,4 +1,4 @@
-"""Examples of each command, as its help shows them; the tests parse them all."""
+"""Examples of each command for its help; the tests parse them all."""
 
 from __future__ import annotations
 
@@ -59,5 +59,5 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
 
 
 def examples_of(command: str) -> str:
-    """What stands below the options in a command's help."""
+    """Text below the options in a command's help."""
     return "\n\n".join(("Examples:", *(f"  {line}" for line in EXAMPLES[command])))

@@ -1,4 +1,4 @@
-"""The groups in which `--help` shows commands and options: commands in the order in which a user needs them."""
+"""Groups of commands and options in `--help`: commands in the order in which a user needs them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FIRST = (
     "Exit code 0: done; 2: bad input, reported in one sentence; 1: anything else. More on a command: antidrive COMMAND "
     "--help.",
 )
-"""What stands below the commands, a paragraph each."""
+"""Text below the commands, by paragraph."""
 
 
 def grouped(app: typer.Typer) -> None:
@@ -38,7 +38,7 @@ def _name(command: Any) -> str:
 
 
 def in_panel(title: str, options: dict[str, Any]) -> dict[str, Any]:
-    """The same options, which `--help` shows in a group of their own."""
+    """Put options into a separate group of `--help`."""
     for kind in options.values():
         for said in get_args(kind)[1:]:
             if isinstance(said, typer.models.OptionInfo):

@@ -1,4 +1,4 @@
-"""One self-contained page: a template filled in, with everything that it needs to open offline."""
+"""One self-contained page from a template, which opens offline."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from antidrive.provenance import Provenance
 
 
 def page(template: str, provenance: Provenance, title: str, **content: Mapping[str, Any] | Sequence[Any]) -> str:
-    """The template of that name, filled in."""
+    """The rendered template of that name."""
     return _environment().get_template(f"{template}.html.j2").render(title=title, provenance=provenance, **content)
 
 
@@ -22,8 +22,9 @@ _UNIT = re.compile(r"(?<=\d) (?=(?:[µmk]?(?:rad|m|s|N|W|A|V|Hz|g)|arcmin)\b|%)|
 
 
 def printed(text: str) -> Markup:
-    """Plain words as they look in print: powers raised, also those of ten, indices lowered, arrows drawn,
-    and no line broken between a number, its ± and its unit.
+    """Plain text in print: superscripts, also of powers of ten, subscripts, arrows.
+
+    A line never breaks between a number, its ± and its unit.
     """
     tens = re.sub(r"(?<=[\d)])e([+-]\d+)\b", lambda found: f" × 10^{int(found[1])}", str(escape(text)))
     raised = re.sub(r"(?<=\w)\^(-?\d+(?:\.\d+)?)", r"<sup>\1</sup>", tens)

@@ -1,4 +1,4 @@
-"""What is understood of a log before anything is fitted: its columns, units, runs, gaps and faults."""
+"""Interpretation of a log before anything is fitted: its columns, units, runs, gaps and faults."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from plant.errors import BadParameter
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Inspection:
-    """A log as it was understood.
+    """A log and its interpretation.
 
     Attributes:
-        options: how it was read.
+        options: options with which it was read.
         tables: name of each table, and the facts of its columns.
-        log: the log; of logs to validate on, `holdout`.
+        log: the log; `holdout` is the validation log.
     """
 
     options: LogOptions
@@ -54,7 +54,7 @@ class Inspection:
         return log_file(self.options, folder, columns, kept)
 
     def sentences(self) -> list[str]:
-        """The same in words, a line each."""
+        """The interpretation in sentences, one per line."""
         said = [*_columns(self.tables), *self._assumed(), ""] if self.tables else []
         said += [f"{self.log!r}, command in {self.log.command_unit}", *_table(self.log.runs)]
         if self.holdout is not None:
@@ -70,7 +70,7 @@ class Inspection:
         return ["  A unit in brackets is assumed; give another one with --unit."]
 
     def summary(self) -> dict[str, Any]:
-        """The same as data."""
+        """The interpretation as data."""
         return {
             "schema": 1,
             "tables": [{"name": name, "columns": [vars(one) for one in facts]} for name, facts in self.tables],
@@ -87,11 +87,11 @@ class Inspection:
 
 
 def inspected(options: LogOptions, tell: Callable[[str], None] | None = None) -> Inspection:
-    """Read a log and say what it is.
+    """Read a log and interpret it.
 
     Raises:
-        MalformedLog: nothing can be made of it.
-        BadParameter: options that do not fit.
+        MalformedLog: it cannot be interpreted.
+        BadParameter: options that do not fit the log.
     """
     if options.dataset is not None or not options.files:
         measured = options.read(tell)
@@ -110,7 +110,7 @@ def inspected(options: LogOptions, tell: Callable[[str], None] | None = None) ->
 
 
 def _columns(tables: Sequence[tuple[str, tuple[ColumnFacts, ...]]]) -> list[str]:
-    """The columns of each table, in lines."""
+    """The columns of each table, as lines."""
     said: list[str] = []
     for name, facts in tables:
         rows = max((one.samples for one in facts), default=0)
@@ -159,7 +159,7 @@ def _table(runs: tuple[Run, ...]) -> list[str]:
 
 
 def inspection_figures(log: Log, most: int = 4) -> list[tuple[str, Any]]:
-    """Label and picture of the first runs: command and response over time."""
+    """Label and figure of the first runs: command and response over time."""
     from antidrive import chart, figures
 
     unit = "rad" if log.axis == "rotary" else "m"

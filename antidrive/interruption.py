@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: the command is unwound as by an error, so that nothing is left behind, and then ends at once.
+"""Ctrl-C and SIGTERM: the command is unwound as by an error, so that no files are left behind, and then ends at once.
 
 Threads may still be in machine code for a while; they are not waited for.
 """
@@ -16,11 +16,11 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_AGAIN = 0.05  # until a signal comes again that was ignored [s]
+_AGAIN = 0.05  # delay until a signal that was ignored is raised again [s]
 
 
 class Stopped(BaseException):
-    """The command was told to end; the exit code is that of a shell for the signal."""
+    """The command was interrupted; the exit code is that of a shell for the signal."""
 
     def __init__(self, number: int = signal.SIGINT) -> None:
         """By a signal of that number."""
@@ -30,10 +30,10 @@ class Stopped(BaseException):
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Within the block a signal raises `Stopped`, once: what cleans up is not stopped again.
+    """Within the block a signal raises `Stopped`, once: the clean-up is not interrupted again.
 
-    Python ignores what is raised while an object is taken away, or a module's lock; then it comes again a little later.
-    A library that is interrupted may fail in a way of its own; that is `Stopped` too.
+    Python ignores exceptions while an object is finalised, or a module's lock; then the signal is raised again a little
+    later. A library that is interrupted may raise another error; that becomes `Stopped` too.
     """
     reported = sys.unraisablehook
     come: list[int] = []
@@ -66,7 +66,7 @@ def stoppable() -> Iterator[None]:
 
 @contextmanager
 def unstoppable() -> Iterator[None]:
-    """Within the block a signal waits for its end."""
+    """Within the block a signal is delayed until its end."""
     come: list[int] = []
     with _handled(lambda number, frame: come.append(number)):
         yield
@@ -76,7 +76,7 @@ def unstoppable() -> Iterator[None]:
 
 @contextmanager
 def _handled(handler: Any) -> Iterator[None]:
-    """Signals go to that handler, in the main thread; another one never gets any."""
+    """Signals go to that handler, in the main thread; other threads never get any."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -89,8 +89,8 @@ def _handled(handler: Any) -> Iterator[None]:
 
 
 def leave(code: int) -> NoReturn:
-    """End the process without waiting for its threads; compilers at work and their folders go."""
-    if "plant.machine_code" in sys.modules:  # else nothing was started, and importing it takes a while
+    """End the process without waiting for its threads; running compilers are ended and their folders removed."""
+    if "plant.machine_code" in sys.modules:  # else nothing was started, and the import takes a while
         from plant.machine_code import start_no_more
 
         start_no_more()

@@ -1,6 +1,6 @@
-"""log.toml: what was understood of a log, written down so that no option need be typed again.
+"""log.toml: the interpretation of a log in a file, so that no option need be typed again.
 
-files = ["log.csv"]          # beside this file; `holdout` likewise, logs to validate on
+files = ["log.csv"]          # in the same folder; `holdout` likewise, validation logs
 gears = "20,20:161"          # also ratio, rate, torque_constant, kp, kd, joint
 
 [columns]
@@ -9,7 +9,7 @@ angle = "Angle (deg)"
 angle = "deg"
 [scale]
 torque = -1.0
-[fit]                        # as `antidrive.fit_options.FitOptions.of` reads it
+[fit]                        # see `antidrive.fit_options.FitOptions.of`
 exclude = ["backlash"]
 """
 
@@ -46,10 +46,10 @@ def read_log(path: str | Path) -> Log:
 
 
 def read_log_file(path: Path) -> LogOptions:
-    """The options in a log.toml, its files found from its own folder.
+    """The options in a log.toml, with file paths relative to its folder.
 
     Raises:
-        BadParameter: it is missing, no TOML, or has a key or value that it cannot have.
+        BadParameter: it is missing, no TOML, or has an unknown key or an unusable value.
     """
     try:
         said = tomllib.loads(path.read_text(encoding="utf-8-sig"))
@@ -84,9 +84,9 @@ def log_file(options: LogOptions, folder: Path, columns: Mapping[str, str], unit
     """The text of a log.toml in a folder.
 
     Args:
-        options: how the log was read.
-        folder: where the file will stand; files are named from there.
-        columns, units: what was understood, by column of the log contract.
+        options: options with which the log was read.
+        folder: of the file; paths are relative to it.
+        columns, units: the interpretation, by column of the log contract.
     """
     import tomli_w
 
@@ -123,7 +123,7 @@ def _number(path: Path, key: str, value: object) -> float:
 
 
 def _named_from(folder: Path, paths: Sequence[Path]) -> list[str]:
-    """Paths as they are called from a folder; those on another disk as they are."""
+    """Paths relative to a folder; those on another disk are absolute."""
     found = []
     for path in paths:
         try:

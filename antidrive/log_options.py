@@ -1,4 +1,4 @@
-"""Where a log is and how to read it: from the options of a command, from a log.toml, or from a known data set."""
+"""Files of a log and their interpretation: from the options of a command, a log.toml, or a known data set."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ NUMBERS = ("rate", "torque_constant", "kp", "kd")
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """What was read: the log to fit, the validation log if one was given, and where the fit of a known machine starts.
+    """The log to fit, the validation log if one was given, and the start of the fit for a known machine.
 
     Attributes:
-        base: model to start from, and `fixed` its parameters that the machine does not have; None if nothing is known.
+        base: model to start from; None if nothing is known.
+        fixed: parameters that the machine does not have.
     """
 
     log: Log
@@ -35,23 +36,23 @@ class Measured:
     fixed: tuple[str, ...] = ()
 
     def absent(self, start: ServoModel | None) -> tuple[str, ...]:
-        """Parameters to leave as they are: those that the known machine does not have, unless the user gave a model."""
+        """Parameters that the known machine does not have, which are not fitted, unless the user gave a model."""
         return self.fixed if start is None else ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogOptions:
-    """Where a log is and how to read it.
+    """Files of a log and their interpretation.
 
     Attributes:
         files: log files.
         mapping, units, scales: by column of the log contract.
-        gears, ratio: teeth "20,20:161" or reduction "8.05" of two drives, as they are typed.
+        gears, ratio: teeth "20,20:161" or reduction "8.05" of two drives, as typed.
         rate, torque_constant, kp, kd, joint: as in `identification.reading.reading_options.Reading`.
         dataset: name of a known data set, read from `data` or from `files`.
         data: folder of the data set.
         holdout: files of the validation log.
-        fit: what a log.toml says of parameters and effects.
+        fit: settings of a log.toml for parameters and effects.
     """
 
     files: tuple[Path, ...] = ()
@@ -81,10 +82,10 @@ class LogOptions:
         holdout: Sequence[Path],
         **said: Any,
     ) -> LogOptions:
-        """From the words of a command line; `said` are attributes that need no reading.
+        """From the words of a command line; `said` are attributes that need no conversion.
 
         Raises:
-            BadParameter: a word that is written wrongly.
+            BadParameter: a word with a wrong form.
         """
         return cls(
             files=tuple(files),
@@ -96,7 +97,7 @@ class LogOptions:
         )
 
     def overruled(self, other: LogOptions) -> LogOptions:
-        """These options, and what others say beside their files, which wins."""
+        """These options, overridden by all others except their files."""
         single = ("rate", "torque_constant", "kp", "kd", "joint", "dataset", "data", "gears", "ratio")
         said = {name: value for name in single if (value := getattr(other, name)) is not None}
         if "gears" in said or "ratio" in said:
@@ -111,10 +112,10 @@ class LogOptions:
         )
 
     def reading(self) -> Reading:
-        """How the files are to be read.
+        """The interpretation of the files.
 
         Raises:
-            BadParameter: numbers or gears that cannot be.
+            BadParameter: unusable numbers or gears.
         """
         if self.gears is not None and self.ratio is not None:
             raise BadParameter("--gears and --ratio both describe the gear train; give one of them.")
@@ -132,10 +133,10 @@ class LogOptions:
         )
 
     def read(self, tell: Tell | None = None) -> Measured:
-        """Read everything that was named, and `tell` how far that is.
+        """Read all given files; `tell` reports the progress.
 
         Raises:
-            BadParameter: options that contradict each other, or are written wrongly.
+            BadParameter: options that contradict each other, or have a wrong form.
             MalformedLog: a file that cannot be used.
         """
         if self.dataset is not None:

@@ -1,4 +1,4 @@
-"""Pictures of results with matplotlib, for scripts and notebooks."""
+"""Figures of results with matplotlib, for scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def _draw_table(table: DriveTable, axes: Any) -> None:
 
 
 def _draw_capability(found: CapabilityMap, axes: Any) -> None:
-    """The copper-loss index, and the edge of what can be reached."""
+    """The copper-loss index, and the limit of the reachable accelerations."""
     mesh = axes[0].pcolormesh(found.load_torque, found.acceleration, found.heat, shading="nearest")
     axes[0].figure.colorbar(mesh, ax=axes[0], label="copper-loss index [N² m²]")
     axes[0].plot(found.load_torque, found.edge, color=BEFORE, lw=1.6)
@@ -110,7 +110,7 @@ def _draw_capability(found: CapabilityMap, axes: Any) -> None:
 
 
 def _draw_loop(found: ClosedLoopResult, axes: Any) -> None:
-    """Reference and motion, the error, what the drives give, and how firmly the teeth are in contact."""
+    """Reference and motion, error, drive torques, and contact torques."""
     angle, length, torque, newton = axis_quantities(found.axis)
     axes[0].plot(found.time, found.reference, color=MEASURED, lw=2.5, label="reference")
     axes[0].plot(found.time, found.angle, color=AFTER, lw=1.0, label=angle)
@@ -142,4 +142,4 @@ _PICTURES: dict[type, tuple[int, Callable[[Any, Any], None]]] = {
     CapabilityMap: (1, _draw_capability),
     ClosedLoopResult: (4, _draw_loop),
 }
-"""How many axes the picture of a result needs, and what draws in them."""
+"""Number of axes for the figure of a result, and the function that draws in them."""

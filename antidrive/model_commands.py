@@ -14,17 +14,17 @@ from plant.errors import BadParameter
 from plant.model_file import ModelFile
 
 _OPTIONS = {"plant": ("sample_time",)}
-"""Of the options of a controller, those that count in an export of the model."""
+"""Controller options that apply to an export of the model, by its form."""
 
 Made = tuple[dict[str, str | bytes], list[str], dict[str, Any]]
-"""Files with their content, what they are in sentences, and for scripts."""
+"""Files with their content, sentences on them, and data for scripts."""
 
 
 def chosen(given: Mapping[str, bool], *, fmu: bool) -> str:
-    """Which form is wanted; empty for the controller.
+    """The chosen form; empty for the controller.
 
     Raises:
-        BadParameter: more than one.
+        BadParameter: more than one form.
     """
     found = [name for name, wanted in given.items() if wanted]
     if len(found) + fmu > 1:
@@ -48,12 +48,12 @@ def export_model(
     Args:
         model: file of the model.
         form: "feedforward", "mujoco", "urdf", "modelica" or "plant".
-        said: options of the command line; of these the sample time counts, for an FMU.
-        name: with which files and what is in them begin.
+        said: options of the command line; only the sample time applies, for an FMU.
+        name: prefix of the files and of the symbols in them.
         single: whether a feedforward calculates in single precision.
-        effects: file with effects of one's own.
+        effects: file with custom effects.
         out: folder for the files.
-        console: how results are printed.
+        console: prints the results.
     """
     _check(form, said, name, single=single)
     read = read_identified(model, effects)
@@ -67,7 +67,7 @@ def export_model(
 
 
 def _check(form: str, said: Mapping[str, Any], name: str, *, single: bool) -> None:
-    """Refuse options that this form has no use for, and names that would spoil its files."""
+    """Raise for options that do not apply to this form, and for names that are unusable in its files."""
     useless = [word for word in said if word not in _OPTIONS.get(form, ())]
     useless += ["single"] if single and form != "feedforward" else []
     if useless:

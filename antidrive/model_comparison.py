@@ -1,4 +1,4 @@
-"""What has changed since a model was identified: parameters that moved beyond their errors, and new effects."""
+"""Changes since a model was identified: parameters that changed beyond their errors, and new effects."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
     from diagnosis.diagnosis import Diagnosis
 
-_CHANCE = 0.01  # that any of the parameters is said to have moved where none has
+_CHANCE = 0.01  # probability that any parameter is reported as changed if none has
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One parameter then and now.
+    """Earlier and present value of one parameter.
 
     Attributes:
-        before, after: its value, and their standard errors; None where they are unknown.
-        moved: whether they differ by more than chance allows among so many parameters.
+        before, after: its value, each with its standard error; None if unknown.
+        moved: whether the difference is significant, given the number of parameters.
     """
 
     name: str
@@ -47,13 +47,13 @@ class Change:
 
     @property
     def errors(self) -> float | None:
-        """By how many standard errors of the difference it moved; None where that is not known."""
+        """Change in standard errors of the difference; None if they are not known."""
         if self.after is None or not self.after_std:
             return None
         return (self.after - self.before) / float(np.hypot(self.before_std or 0.0, self.after_std))
 
     def __str__(self) -> str:
-        """In a line."""
+        """Text in one line."""
         if self.after is None:
             return f"{self.name}: this log does not determine it (it was {self.before:.4g} {printed(self.unit)})"
         change = "" if not self.before else f"{100.0 * (self.after / self.before - 1.0):+.2g} %"
@@ -67,14 +67,14 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison(Presented):
-    """A known model beside a new log.
+    """A known model compared with a new log.
 
     Attributes:
-        changes: one for each parameter of the known model that the new one still has.
-        diagnosis: of the log, from the known model on.
-        new: names of the effects that it found for sure and the model does not have.
-        possible: names of those that it found, but not for sure.
-        gone: names of effects of the model that are not in the new one, because a new effect takes their place.
+        changes: one for each parameter of the known model that the new model has too.
+        diagnosis: of the log, starting from the known model.
+        new: names of new effects with high probability.
+        possible: names of new effects with lower probability.
+        gone: names of effects of the known model that a new effect has replaced.
         error_before, error_after: rms error of an open-loop simulation of the log with the known and the new model.
         unit: of these.
     """
@@ -94,7 +94,7 @@ class Comparison(Presented):
         return self.diagnosis.model
 
     def headline(self) -> str:
-        """What has changed, in a few words."""
+        """The changes in a few words."""
         moved = [change.name.replace("_", " ").replace(".", ": ") for change in self.changes if change.moved]
         new = [title_of(name) for name in self.new]
         parts = [f"Changed: {', '.join(moved)}"] * bool(moved) + [f"New: {', '.join(new)}"] * bool(new)
@@ -103,7 +103,7 @@ class Comparison(Presented):
         return "; ".join(parts) or "Nothing has changed"
 
     def sentences(self) -> list[str]:
-        """What has changed, what is new, and the error of the known model on this log."""
+        """The changes, the new effects, and the error of the known model on this log."""
         moved = [change for change in self.changes if change.moved]
         lines = [f"Changed: {change}" for change in moved] or ["No parameter has changed beyond its error."]
         causes = {cause.effect: cause for cause in self.diagnosis.causes}
@@ -157,15 +157,15 @@ def compare(
     progress: Callable[[str], None] | None = None,
     **known: Any,
 ) -> Comparison:
-    """What has changed since a model was identified.
+    """Changes since a model was identified.
 
-    The log is diagnosed with the known model to start from; its parameters are those of the extended model, so that a
-    new effect does not show as a change of the others.
+    The log is diagnosed with the known model as the start. The present parameters are those of the extended model, so
+    that a new effect does not appear as a change of the other parameters.
 
     Args:
-        model: that was identified before, or the path of its file, which has the standard errors.
+        model: the earlier model, or the path of its file, which has the standard errors.
         log: recorded since.
-        holdout: runs to judge the diagnosis by.
+        holdout: validation runs of the diagnosis.
         progress: called with a line of text now and then.
         known: further arguments of `diagnosis.diagnose`.
 
@@ -211,7 +211,7 @@ def _changes(before: ModelFile, found: Diagnosis) -> tuple[Change, ...]:
         if spec.name in now and not now[spec.name].fixed
     ]
     told = [change for change in changes if change.errors is not None]
-    limit = float(-ndtri(0.5 * _CHANCE / max(len(told), 1)))  # Bonferroni's
+    limit = float(-ndtri(0.5 * _CHANCE / max(len(told), 1)))  # Bonferroni correction
     return tuple(Change(**{**vars(c), "moved": c.errors is not None and abs(c.errors) > limit}) for c in changes)
 
 

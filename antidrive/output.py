@@ -1,4 +1,4 @@
-"""Results on disk: written whole or not at all."""
+"""Result files, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ import numpy as np
 from antidrive.interruption import unstoppable
 from plant.errors import BadParameter
 
-_WRITTEN: ContextVar[Path | None] = ContextVar("written", default=None)  # where results of this command are
+_WRITTEN: ContextVar[Path | None] = ContextVar("written", default=None)  # folder or file with results of this command
 
 
 @contextmanager
 def whole_folder(out: Path) -> Iterator[Path]:
-    """A draft folder whose files move into `out` when the block ends well, and vanish when it does not.
+    """A draft folder whose files move into `out` if the block succeeds, and are deleted otherwise.
 
     Raises:
-        BadParameter: `out` is a file, or nothing can be written there.
+        BadParameter: `out` is a file, or cannot be written.
     """
     if out.exists() and not out.is_dir():
         raise BadParameter(f"--out {out}: is a file; name a folder.")
@@ -44,14 +44,14 @@ def whole_folder(out: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_file(out: Path, *, option: str = "--out") -> Iterator[Path]:
-    """A draft file that becomes `out` when the block ends well, and vanishes when it does not.
+    """A draft file that becomes `out` if the block succeeds, and is deleted otherwise.
 
     Args:
         out: the file.
-        option: by which it was named.
+        option: name of its command-line option.
 
     Raises:
-        BadParameter: `out` is a folder, or nothing can be written there.
+        BadParameter: `out` is a folder, or cannot be written.
     """
     if out.is_dir():
         raise BadParameter(f"{option} {out}: is a folder; name a file.")
@@ -64,14 +64,14 @@ def whole_file(out: Path, *, option: str = "--out") -> Iterator[Path]:
 
 
 def left() -> str:
-    """What is there when a command ends before its time, as the end of a sentence."""
+    """State of the results when a command ends early, as the end of a sentence."""
     out = _WRITTEN.get()
     return "nothing was written" if out is None else f"the results are in {out}"
 
 
 @contextmanager
 def _draft_beside(out: Path, option: str = "--out") -> Iterator[Path]:
-    """A temporary folder on the same disk as `out`, so that moving into place is a rename."""
+    """A temporary folder on the same disk as `out`, so that moving a file is a rename."""
     existing = next(folder for folder in out.absolute().parents if folder.exists())
     try:
         draft = Path(tempfile.mkdtemp(prefix=".antidrive-", dir=existing))
@@ -84,7 +84,7 @@ def _draft_beside(out: Path, option: str = "--out") -> Iterator[Path]:
 
 
 def strict(value: Any) -> Any:
-    """The same content in plain Python types, with null for what JSON has no number for (NaN, infinity)."""
+    """The same content in plain Python types, with null for NaN and infinity."""
     if isinstance(value, Mapping):
         return {str(key): strict(entry) for key, entry in value.items()}
     if isinstance(value, np.ndarray):
@@ -99,7 +99,7 @@ def strict(value: Any) -> Any:
 
 
 def to_json(content: Any, *, ascii: bool = False) -> str:
-    """Indented JSON that every reader accepts; with `ascii` in ASCII alone, with \\u for the rest."""
+    """Indented standard JSON; with `ascii` other characters are escaped with \\u."""
     return json.dumps(strict(content), indent=2, allow_nan=False, ensure_ascii=ascii)
 
 
@@ -109,5 +109,5 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def written(out: Path, files: str) -> str:
-    """What is said of results when they stand in a folder."""
+    """Message on the result files in a folder."""
     return f"Written to {out}: {files}"

@@ -1,4 +1,4 @@
-"""Effects of one's own, from a Python file that defines them."""
+"""Custom effects, defined in a Python file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def read_effects(path: Path) -> tuple[type[Effect], ...]:
     """The classes of effects that a file defines, in its order.
 
     Raises:
-        BadParameter: the file cannot be read or run, or defines no effect that can be used.
+        BadParameter: the file cannot be read or run, or defines no usable effect.
     """
     if not path.is_file():
         raise BadParameter(f"--effects {path}: there is no such file.")
@@ -26,7 +26,7 @@ def read_effects(path: Path) -> tuple[type[Effect], ...]:
     if spec is None or spec.loader is None:
         raise BadParameter(f"--effects {path}: is no Python file; give one that ends in .py.")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # where dataclasses and workers look for it
+    sys.modules[name] = module  # dataclasses and workers look it up there
     try:
         spec.loader.exec_module(module)
     except Exception as error:
@@ -53,7 +53,7 @@ def _check(path: Path, kind: type[Effect]) -> None:
 
 
 def _place(path: Path, error: Exception) -> str:
-    """Where in the file it went wrong."""
+    """Location of an error in the file."""
     line = error.lineno if isinstance(error, SyntaxError) else None
     trace = error.__traceback__
     while trace is not None:
@@ -64,12 +64,12 @@ def _place(path: Path, error: Exception) -> str:
 
 
 def read_own_model(path: Path, effects: Path | None) -> ModelFile:
-    """A model file, which may have the effects of one's own that another file defines."""
+    """A model file, which may have the custom effects of another file."""
     return read_model(path, () if effects is None else read_effects(effects))
 
 
 def read_identified(path: Path, effects: Path | None) -> ModelFile:
-    """The same, of a model that will be used.
+    """A model file for use in a controller or an export.
 
     Raises:
         Unidentifiable: it was fitted to a log that determines none of its parameters.

@@ -1,4 +1,4 @@
-"""`antidrive plan`: the first experiment on a machine, before there is any log of it."""
+"""`antidrive plan`: the first experiment on a machine, before there is a log."""
 
 from __future__ import annotations
 

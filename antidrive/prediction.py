@@ -1,4 +1,4 @@
-"""Open-loop simulation of a log from its command alone, as a table: run, time, and angle or position."""
+"""Open-loop simulation of a log from its command, as a table: run, time, and angle or position."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from plant.servo import ServoModel
 if TYPE_CHECKING:
     import pandas as pd
 
-_ROWS = 10_000  # between two reports of progress
-_WRITING = 4  # times that writing a row takes as long as simulating a sample of a run in one piece
-_SETTLING = 4  # times that a sample in a window, whose first state is looked for, takes as long as writing its row
+_ROWS = 10_000  # rows between two reports of progress
+_WRITING = 4  # time to write a row over that to simulate a sample of a run in one piece
+_SETTLING = 4  # time for a sample in a window, with its initial state estimated, over that to write its row
 
 
 def predict(
@@ -33,13 +33,13 @@ def predict(
 
     Args:
         model: the servo, its model file, or the path of one.
-        log: gives the command; also a path, a DataFrame or arrays by name. Of its measured output only the first
-            0.2 s of each run, or window, are used: for the initial state.
+        log: gives the command; also a path, a DataFrame or arrays by name. Its measured output is used only in the
+            first 0.2 s of each run, or window, for the initial state.
         window: restart every so many seconds (multi-step prediction); None simulates each run in one piece.
         measured: add the measured output as a last column.
 
     Returns:
-        Columns run, time [s], and angle [rad] (or position [m]), a row a sample; last `measured`, if asked for.
+        Columns run, time [s], and angle [rad] (or position [m]), one row per sample; last `measured`, if requested.
 
     Raises:
         BadParameter: the model diverges, or does not fit the log.
@@ -73,12 +73,12 @@ def write_prediction(
         tell: called with a line of text at each hundredth.
 
     Returns:
-        One (T,) simulated output a run [rad or m].
+        One simulated output (T,) per run [rad or m].
 
     Raises:
         BadParameter: as `predict` does.
     """
-    simulating, writing = (1, _WRITING) if window is None else (_SETTLING, 1)  # a sample, in parts
+    simulating, writing = (1, _WRITING) if window is None else (_SETTLING, 1)  # relative time for a sample, in parts
     done = Parts((simulating + writing) * sum(map(len, log.runs)), tell, doing="predicting").done
     simulated = _simulated(log, model, window, lambda samples: done(simulating * samples))
     with path.open("w", encoding="utf-8", newline="") as file:
@@ -86,7 +86,7 @@ def write_prediction(
         for run, output in zip(log.runs, simulated, strict=True):
             for first in range(0, len(run), _ROWS):
                 table = _table(log, run, output, slice(first, first + _ROWS), measured)
-                for column in table.columns[2:]:  # a clock may need more digits than a prediction is worth
+                for column in table.columns[2:]:  # a clock may need more digits than a prediction
                     table[column] = table[column].map("{:.10g}".format)
                 table.to_csv(file, header=False, index=False, float_format="%.15g")
                 done(writing * len(table))

@@ -1,4 +1,4 @@
-"""A prediction beside what was measured, as a page."""
+"""Page of a prediction compared with the measurement."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from identification.log import Log
 from identification.run import Run
 from plant.effects.effect import Array
 
-_DRAWN = 6  # runs, those with the largest errors
+_DRAWN = 6  # number of runs drawn, those with the largest errors
 
 
 def rms_error(run: Run, simulated: Array) -> float:
-    """Of the valid samples [rad or m, or per second of a log of the speed]."""
+    """Rms error of the valid samples [rad or m, or per second for a log of the speed]."""
     return float(np.sqrt(np.mean((simulated - run.measured)[run.valid] ** 2)))
 
 
 def prediction_page(log: Log, simulated: Sequence[Array], provenance: Provenance) -> str:
-    """The error of each run, and the runs with the largest ones measured and simulated.
+    """The error of each run, and the runs with the largest errors as measured and simulated.
 
     Args:
-        log: that was simulated.
+        log: the simulated log.
         simulated: (T,) output of each run.
         provenance: of the prediction.
     """

@@ -1,4 +1,4 @@
-"""How results look in Python: as a picture, a table, a page, or in a notebook; called by `plant.result_display`."""
+"""Display of results in Python as a figure, a table, a page, or in a notebook; called by `plant.result_display`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from plant.units import axis_quantities, printed
 if TYPE_CHECKING:
     import pandas as pd
 
-_ROWS = 12  # of a table in a notebook
+_ROWS = 12  # rows of a table in a notebook
 
 
 @singledispatch
@@ -69,7 +69,7 @@ def _(result: CapabilityMap) -> Any:
 
 @to_frame.register
 def _(result: ClosedLoopResult) -> Any:
-    """One row a sample, SI units."""
+    """One row per sample, SI units."""
     import pandas as pd
 
     angle, length, _, newton = axis_quantities(result.axis)
@@ -107,7 +107,7 @@ def _(result: Fit) -> Any:
 
 @to_frame.register
 def _(result: Diagnosis) -> Any:
-    """A row for each parameter of each cause, the alternatives beside it."""
+    """A row for each parameter of each reported effect, with the alternatives in the last column."""
     import pandas as pd
 
     columns = ["effect", "probability", "gain", "parameter", "value", "std", "unit", "alternatives"]
@@ -129,7 +129,7 @@ def _(result: Diagnosis) -> Any:
 
 
 def html(result: Any) -> str:
-    """See `plant.result_display.Tabled`: the first line in words, and the table."""
+    """See `plant.result_display.Tabled`: the first line as text, and the table."""
     rows = result.to_frame().to_html(max_rows=_ROWS, notebook=True)
     return f"<p>{escape(_headline(result))}</p>{rows}"
 

@@ -1,4 +1,4 @@
-"""A command from its first word to the exit code, and what is said where it ends before its time."""
+"""Run of a command up to its exit code, with the error message if it fails or is interrupted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import typer
 from antidrive.interruption import Stopped, leave, stoppable
 
 UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
-_SIGNALLED = 128  # exit codes above it say by which signal
+_SIGNALLED = 128  # higher exit codes encode the signal
 
 
 def run(app: typer.Typer, words: list[str], *, whole: bool) -> int:
@@ -22,13 +22,13 @@ def run(app: typer.Typer, words: list[str], *, whole: bool) -> int:
 
     Args:
         app: all commands.
-        words: what was typed.
-        whole: whether the command is all that the process does, which then ends where it is stopped.
+        words: the words of the command line.
+        whole: whether the process only runs this command; it then ends when the command is interrupted.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
-            stream.reconfigure(errors="replace")  # what a console cannot show
-    code = Context().run(_command, app, words)  # what it remembers ends with it
+            stream.reconfigure(errors="replace")  # characters that the console cannot show
+    code = Context().run(_command, app, words)  # context variables of the command end with it
     if whole and code > _SIGNALLED:
         leave(code)
     return code
@@ -51,14 +51,14 @@ def _command(app: typer.Typer, words: list[str]) -> int:
 
 
 def _usage(error: Any) -> str:
-    """A mistake in the words of a command line, and where to look them up."""
+    """Message on a mistake in the words of a command line, with a pointer to the help."""
     path = "antidrive" if error.ctx is None else error.ctx.command_path
     message = error.format_message()
     return f"{message}{'' if message.endswith(('.', '?')) else '.'} See `{path} --help`."
 
 
 def _failed(error: Exception, words: list[str]) -> int:
-    """Say what went wrong on stderr, and return the exit code."""
+    """Print the error on stderr, and return the exit code."""
     from antidrive.console import print_error
     from antidrive.output import left
     from identification.errors import MissingColumns

@@ -1,4 +1,4 @@
-"""How a result came about, so that it can be made again."""
+"""Provenance of a result, to reproduce it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _TOLD = ("casadi", "numpy", "scipy")
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """Command, versions and files behind a result.
+    """Command, versions and files of a result.
 
     Attributes:
-        command: as typed, or as it would be.
-        versions: name and version of what computed.
+        command: as typed, or an equivalent one.
+        versions: name and version of each package that computes.
         sources: files with their hashes.
     """
 
@@ -30,7 +30,7 @@ class Provenance:
 
     @classmethod
     def now(cls, command: Sequence[str], sources: Sequence[Source] = ()) -> Provenance:
-        """Of this run."""
+        """Provenance of this run."""
         versions = [("Python", platform.python_version()), ("antidrive", VERSION)]
         for name in _TOLD:
             try:

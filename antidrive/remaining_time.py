@@ -1,7 +1,7 @@
-"""How long a task still takes, where that is known: where its parts are counted, and the pace so far is the pace.
+"""Remaining time of a task, if its parts are counted, extrapolated from the pace so far.
 
-The remaining time of a fit or a diagnosis cannot be estimated well: each effect that is found adds fits. So only the
-elapsed time is shown, and what is being done.
+The remaining time of a fit or a diagnosis cannot be estimated well, as each effect that is found adds fits. Then only
+the elapsed time and the present step are shown.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
     from rich.text import Text
 
-_WORTH_TELLING = 2.0  # seconds that one waits without asking, and from which parts have a pace
+_WORTH_TELLING = 2.0  # least elapsed time [s] to be shown, and to estimate a pace from
 
 
 Tell: TypeAlias = Callable[[str], None]
@@ -25,7 +25,7 @@ Tell: TypeAlias = Callable[[str], None]
 
 @dataclass
 class Parts:
-    """Counts the parts of a task that are done, and tells each hundredth."""
+    """Counts the finished parts of a task, and reports each hundredth."""
 
     of: float
     tell: Tell | None = None
@@ -33,7 +33,7 @@ class Parts:
     finished: float = 0.0
 
     def done(self, parts: float = 1.0) -> None:
-        """So many parts more are done."""
+        """Add finished parts."""
         before, self.finished = self.finished, self.finished + parts
         if self.tell is not None and int(100 * self.finished / self.of) > int(100 * before / self.of):
             self.tell(f"{self.doing}, {int(100 * self.finished / self.of)} of 100 parts are done")
@@ -41,7 +41,7 @@ class Parts:
 
 @dataclass(frozen=True)
 class _Count:
-    """So many parts of all are done at an instant [s]."""
+    """Number of finished parts, of all, at an instant [s]."""
 
     at: float
     done: int
@@ -50,7 +50,7 @@ class _Count:
 
 @dataclass
 class Watch:
-    """The line of a task that runs, with the time that has passed and, once it can be told, the time left."""
+    """The progress line of a running task, with the elapsed time and, if it can be estimated, the remaining time."""
 
     line: str
     clock: Callable[[], float] = time.monotonic
@@ -59,26 +59,26 @@ class Watch:
     last: _Count | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        """Begin."""
+        """Start the clock."""
         self.begun = self.clock()
 
     @property
     def passed(self) -> float:
-        """Since the beginning [s]."""
+        """Elapsed time [s]."""
         return self.clock() - self.begun
 
     def tell(self, line: str) -> None:
-        """Go on to that line; "3 of 25" in it says how far the task is."""
+        """Set the line; "3 of 25" in it is the number of finished parts."""
         self.line = line
         parts = re.search(r"\b(\d+) of (\d+)\b", line)
         count = None if parts is None else _Count(self.passed, int(parts[1]), int(parts[2]))
         if self.first is None or count is None or count.of != self.first.of or count.done < self.first.done:
-            self.first = count  # what went before was something else, and does not show the pace
+            self.first = count  # earlier parts belong to another task and do not show the pace
         self.last = count
 
     @property
     def left(self) -> float | None:
-        """Time left at the pace of the parts that were counted [s]; None where there is no pace, or it did not last."""
+        """Remaining time at the pace of the counted parts [s]; None without a pace, or if it has run out."""
         if self.first is None or self.last is None:
             return None
         took, parts = self.last.at - self.first.at, self.last.done - self.first.done
@@ -89,7 +89,7 @@ class Watch:
 
     @property
     def times(self) -> str:
-        """The time that has passed, and the time left as far as it is known; nothing where nobody has waited yet."""
+        """The elapsed time, and the remaining time if it is known; empty during the first seconds."""
         passed, left = self.passed, self.left
         if passed < _WORTH_TELLING:
             return ""
@@ -100,7 +100,7 @@ class Watch:
         return self.line + self.times
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Text]:
-        """The same in one line of a terminal: the times are never cut off."""
+        """The same in one line of a terminal; the times are never cut off."""
         from rich.text import Text
 
         times = self.times

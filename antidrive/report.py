@@ -1,4 +1,4 @@
-"""The report: one self-contained page that opens offline, read from top to bottom in a minute."""
+"""The report: one self-contained page that opens offline, to be read from top to bottom."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ if TYPE_CHECKING:
     from mpc import ClosedLoopResult
 
 _SAID = {"least_preload_margin": "minimum contact torque", "heat": "copper-loss index"}
-_RUNS_DRAWN = 3  # held-out runs that are drawn; the rest is in the numbers
-_BARS = 6  # explanations of a cause, the likeliest
+_RUNS_DRAWN = 3  # validation runs that are drawn; the numbers cover all
+_BARS = 6  # number of most probable sets drawn
 
 
 def diagnosis_page(
     diagnosis: Diagnosis, provenance: Provenance, notes: Sequence[str] = (), explanation: Explanation | None = None
 ) -> str:
-    """The page of a diagnosis; its explanation may be given if it is at hand."""
+    """The page of a diagnosis, with its explanation if that has been computed already."""
     content = _diagnosis(diagnosis, notes, explanation or diagnosis.explain())
     return page("diagnosis", provenance, headline(diagnosis), diagnosis=content)
 
@@ -62,7 +62,7 @@ def fit_page(
     notes: Sequence[str] = (),
     warnings: Sequence[str] = (),
 ) -> str:
-    """The page of a fit; `simulated` holds one free simulation (T,) a run, `warnings` what the log cannot show."""
+    """The page of a fit; `simulated` has one free simulation (T,) per run, `warnings` the limits of the log."""
     unit = fit.log.measured_unit
     runs = list(zip(fit.log.runs, simulated, strict=True))
     worst = sorted(runs, key=lambda pair: -_rms((pair[0].measured - pair[1])[pair[0].valid]))[:_RUNS_DRAWN]
@@ -93,7 +93,7 @@ def fit_page(
 
 
 def inspection_page(found: Inspection, provenance: Provenance) -> str:
-    """The page of a log that was read and not yet fitted."""
+    """The page of a log that was read but not fitted."""
     log = found.log
     content = {
         "tables": found.tables,
@@ -119,7 +119,7 @@ def closed_loop_page(trial: ClosedLoopRun, provenance: Provenance) -> str:
 
 
 def loop_page(result: ClosedLoopResult, provenance: Provenance) -> str:
-    """The page of a loop that was closed in Python."""
+    """The page of a closed loop simulated in Python."""
     _, length, _, newton = axis_quantities(result.axis)
     title, error = "Closed loop", result.angle - result.reference
     numbers = [
@@ -139,7 +139,7 @@ def capability_page(found: CapabilityMap, told: Sequence[str], provenance: Prove
 
 
 def demo_page(told: Demo, provenance: Provenance) -> str:
-    """The page of the demo: the diagnosis, then both loops."""
+    """The page of the demo: the diagnosis, then both closed loops."""
     return page(
         "demo",
         provenance,
@@ -156,7 +156,7 @@ def demo_page(told: Demo, provenance: Provenance) -> str:
 
 
 def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanation) -> dict[str, Any]:
-    """What the template of a diagnosis shows."""
+    """Content of the template for a diagnosis."""
     extended = diagnosis.extended is not diagnosis.base
     unit = diagnosis.base.log.measured_unit
     after = {curve.variable: curve for curve in diagnosis.residual_after.curves} if extended else {}
@@ -207,7 +207,7 @@ def _sets(diagnosis: Diagnosis) -> tuple[tuple[str, ...], Bars]:
 
 
 def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str, str]]:
-    """The held-out error of each model and the noise floor, with their standard errors, and what they are."""
+    """The validation error of each model and the noise floor, with standard errors and descriptions."""
     error = gain_errors(diagnosis)
     told = [(gain.held_out_rms_before, error.before, "rms error on validation data, base model")]
     if extended:
@@ -227,7 +227,7 @@ def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]
 
 
 def _reason(reason: Reason) -> dict[str, Any]:
-    """Sentences and pictures of a reason."""
+    """Sentences and figures on a reported effect."""
     drawn: list[tuple[Figure, str]] = []
     if reason.cumulative_evidence is not None:
         drawn.append(

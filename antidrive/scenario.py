@@ -1,4 +1,4 @@
-"""A scenario of a closed loop, read from TOML and checked to the last key."""
+"""A scenario of a closed loop, read from TOML with every key checked."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Disturbance:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveLoss:
-    """From a time on [s], one drive (1 or 2) gives no torque; so much later [s] the controller knows."""
+    """From a time on [s], one drive (1 or 2) gives no torque; the controller detects it after a delay [s]."""
 
     drive: int
     time: float
@@ -56,13 +56,13 @@ class Scenario:
 
     Attributes:
         name: of the scenario or its file.
-        title: for people.
+        title: for users.
         duration, sample_time: [s].
         reference: kind and numbers; angles in rad, times in s, frequency in Hz.
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
         controller: keywords of `mpc.Controller`.
         disturbance: torque on the load, if any.
-        drive_loss: the drive that fails, if one does.
+        drive_loss: the drive that fails, if any.
         compare_single_drive: run the same motion again with drive 1 alone.
     """
 
@@ -78,7 +78,7 @@ class Scenario:
     compare_single_drive: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a duration that is too short or too long in samples."""
+        """Raise for a duration that is too short or too long in samples."""
         if not (math.isfinite(self.sample_time) and self.sample_time > 0.0):
             raise BadParameter(f"{self.name}: sample_time must be finite and above zero, not {self.sample_time:g}.")
         if not _LEAST_SAMPLES <= self.duration / self.sample_time <= _MOST_SAMPLES:
@@ -93,13 +93,13 @@ class Scenario:
         if numbers["kind"] == "constant":
             return np.full(time.shape, float(numbers["level"]))
         if numbers["kind"] == "sine":
-            # A half cosine that starts at rest and swings between 0 and twice the amplitude.
+            # A raised cosine that starts at rest and oscillates between 0 and twice the amplitude.
             return np.asarray(numbers["amplitude"] * (1.0 - np.cos(2.0 * np.pi * numbers["frequency"] * time)))
         levels = np.asarray(numbers["levels"], dtype=np.float64)
         return np.asarray(levels[np.minimum((time / numbers["hold"]).astype(int), levels.size - 1)])
 
     def pushes(self) -> Array:
-        """(T,) disturbing torque on the load [N m]."""
+        """(T,) disturbance torque on the load [N m]."""
         time = np.arange(round(self.duration / self.sample_time)) * self.sample_time
         if self.disturbance is None:
             return np.zeros(time.size)
@@ -115,7 +115,7 @@ def read_scenario(name: str) -> Scenario:
     """A scenario by its name, or from a TOML file.
 
     Raises:
-        BadParameter: there is no such name or file, or the file holds something that no scenario has.
+        BadParameter: there is no such name or file, or the file has an unknown key or an unusable value.
     """
     return parse_scenario(name, scenario_text(name))
 
@@ -218,7 +218,7 @@ def _only(name: str, where: str, table: Mapping[str, Any], known: Any) -> None:
 
 
 def keys_like(unknown: str, known: Sequence[str]) -> str:
-    """Which keys there are, or where there are many, those that look most like an unknown one."""
+    """The known keys, or if there are many, those most similar to an unknown one."""
     if len(known) <= 12:
         return f"known are {', '.join(known)}"
     return f"the nearest known are {', '.join(get_close_matches(unknown, known, 5, 0.0))}"

@@ -1,4 +1,4 @@
-"""What `antidrive simulate` can run: one file is one scenario, and its key `kind` says what is done with it."""
+"""Scenarios of `antidrive simulate`: one file is one scenario, and its key `kind` selects the type."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Result: TypeAlias = "ClosedLoopRun | Outcome"
 
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """What a loop is to be tried with.
+    """Model, drives and controller options of a loop.
 
     Attributes:
         model: of the controller, and of the test bench; None for that of the rig.
@@ -41,7 +41,7 @@ class ScenarioFile:
 
     Attributes:
         name: of the scenario.
-        play: takes the design, the seed, and whom to tell how far it is.
+        play: function of the design, the seed, and the progress callback.
     """
 
     name: str
@@ -53,16 +53,16 @@ class ScenarioFile:
 
 
 def read_scenario_file(name: str) -> ScenarioFile:
-    """A scenario by its name, or from a TOML file: a closed loop, or an experiment if its `kind` says so.
+    """A scenario by its name, or from a TOML file: a closed loop, or an experiment if the file has a `kind`.
 
     Raises:
-        BadParameter: there is no such name or file, or the file holds something that its kind has not.
+        BadParameter: there is no such name or file, or the file has an unknown key or an unusable value.
     """
     text = scenario_text(name)
     try:
         content = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError):
-        content = {}  # the parser of closed loops says what is wrong
+        content = {}  # the parser of closed loops reports the error
     if "kind" in content:
         return _experiment(name, content)
     from antidrive.simulation import REPETITIONS, run_scenario

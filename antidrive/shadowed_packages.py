@@ -1,4 +1,4 @@
-"""The packages that antidrive consists of have plain names; a script of the same name must not stand in their way."""
+"""The packages of antidrive have plain names; a module of the user with the same name would replace them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PACKAGES = ("plant", "allocation", "identification", "diagnosis", "mpc")
 
 
 def refuse_shadowing() -> None:
-    """Raise `ImportError`, in one sentence, if Python would find another module by the name of one of the packages."""
+    """Raise `ImportError` if Python would find another module by the name of one of the packages."""
     home = Path(__file__).resolve().parents[1]
     for name in PACKAGES:
         found = _place(name)

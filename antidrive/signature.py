@@ -1,4 +1,4 @@
-"""The signature of an effect: what it changes under a standard excitation, in a simulation without any noise."""
+"""The signature of an effect: its influence under a standard excitation, in a noise-free simulation."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from plant.discrete import sample_reading, sample_step
 from plant.effects import Effect, Stage, State
 from plant.effects.effect import Array
 
-_TELLING = 0.6  # share of the signature that one variable must carry, to be drawn over it and not over time
+_TELLING = 0.6  # least fraction of the signature explained by one variable, to be drawn over it instead of time
 _BINS = 40
-_EVEN = 1e-2  # share of the power that varies, up to which a torque is constant and depends on nothing
+_EVEN = 1e-2  # fraction of the power in its variation up to which a torque counts as constant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Signature:
-    """An effect seen at a size that shows.
+    """An effect at a visible size.
 
     Attributes:
         effect: with its parameters.
-        bench: on which it is seen.
-        without, seen: (T,) what the sensor shows without and with the effect [rad].
-        lacking: (T,) torque that the model without it lacks along the motion with it [N m]; of a sensor's effect the
-            error of the reading [rad].
+        excitation: the standard excitation of its servo.
+        without, seen: (T,) measurement without and with the effect [rad].
+        lacking: (T,) torque that the model without the effect lacks along the motion with it [N m]; of a sensor's
+            effect the measurement error [rad].
         variables: (T,) velocity, angle and torque along the motion with it, and time.
     """
 
@@ -40,17 +40,17 @@ class Signature:
 
     @property
     def change(self) -> Array:
-        """(T,) by how much the reading changes [rad]."""
+        """(T,) change of the measurement [rad]."""
         return self.seen - self.without
 
     @property
     def loops(self) -> bool:
-        """Whether it follows the travel of the load, one way and another way back."""
+        """Whether it depends on the travel of the load with hysteresis."""
         return State.RELAXED in self.effect.states
 
     @cached_property
     def variable(self) -> str:
-        """The variable that carries it, to draw it over; "time" if none does, and the angle for what makes loops."""
+        """The variable that explains most of it; "time" if none explains enough, and "angle" for hysteresis."""
         if self.loops:
             return "angle"
         shares = {name: _carried(self.lacking, values) for name, values in self.variables.items()}
@@ -59,7 +59,7 @@ class Signature:
 
 
 def signature(kind: type[Effect]) -> Signature | None:
-    """The signature of an effect, given a torque or, if it shows only there, a goal; None if in neither."""
+    """The signature for a torque input or, if it has none there, for a position servo; None if in neither."""
     for on in (standard_excitation(False, kind), standard_excitation(True, kind)):
         effect = kind.typical(on.motion)
         if effect is not None:
@@ -87,7 +87,7 @@ def _simulated(effect: Effect, on: StandardExcitation) -> Signature:
 
 
 def _carried(lacking: Array, values: Array) -> float:
-    """Share of the variance that the mean over each interval of a variable explains [-]."""
+    """Fraction of the variance that is explained by the mean over each interval of a variable [-]."""
     place = np.minimum((values - values.min()) / max(float(np.ptp(values)), 1e-300) * _BINS, _BINS - 1).astype(int)
     count = np.maximum(np.bincount(place, minlength=_BINS), 1)
     mean = np.bincount(place, weights=lacking, minlength=_BINS) / count

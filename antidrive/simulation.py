@@ -1,4 +1,4 @@
-"""Run a scenario: the controller of `mpc` in closed loop around the rig."""
+"""Run a scenario: the controller of `mpc` in closed loop with the rig."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from plant.gears import GearTrain
 from plant.rig import Rig
 from plant.servo import ServoModel
 
-MAX_TORQUE = 0.3  # of a controller for which none is given [N m]
+MAX_TORQUE = 0.3  # default of a controller's maximum torque [N m]
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 REPETITIONS = 5
-"""How often a loop that is reported is run again, to say how much its numbers scatter."""
+"""Number of repetitions of a reported loop, to give the scatter of its numbers."""
 
 
 def run_scenario(
@@ -41,13 +41,13 @@ def run_scenario(
     """Close the loop on the rig of a scenario.
 
     Args:
-        scenario: what to do.
-        model: design model of the controller, and of the test bench unless the scenario says the inertia of its own
+        scenario: the scenario.
+        model: design model of the controller, and of the test bench unless the scenario gives the inertia of its own
             machine; by default eq. (4) with the rig's inertia, gravity and viscous friction.
         train: drives of the machine; by default those of the paper.
-        options: attributes of the controller that come before those of the scenario.
+        options: attributes of the controller that override those of the scenario.
         seed: of the encoder's noise.
-        repetitions: how often it is run again with other noise, to say how much the numbers scatter.
+        repetitions: number of further runs with other noise, to give the scatter of the numbers.
         tell: called with a line of text at each hundredth.
 
     Raises:
@@ -68,7 +68,7 @@ def run_scenario(
 def _machine(
     scenario: Scenario, model: ServoModel | None, train: DriveTrain | None
 ) -> tuple[Rig, ServoModel, list[str]]:
-    """The rig, the design model of its controller, and what is to be said of them."""
+    """The rig, the design model of its controller, and remarks on them."""
     if model is not None and is_built(scenario.rig):
         limits = np.max(np.asarray(scenario.controller.get("max_torque", MAX_TORQUE)))
         rig, notes = test_bench(
@@ -127,6 +127,6 @@ def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: C
 
 
 def rigid_model(rig: Rig) -> ServoModel:
-    """Eq. (4) with the rig's own numbers, rotors in mesh: what a careful engineer knows from the drawings."""
+    """Eq. (4) with the rig's own parameters, rotors in mesh."""
     motors = float(np.sum(rig.motor_viscous * rig.motor_ratios**2))
     return ServoModel(inertia=rig.total_inertia, gravity=rig.gravity, viscous_friction=rig.viscous_friction + motors)

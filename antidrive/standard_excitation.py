@@ -1,4 +1,4 @@
-"""The bench: a simulated servo under a standard excitation, on which effects are shown."""
+"""The standard excitation of a simulated servo, for the signatures of effects."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from plant.simulation import at_switch, beginning, held_commands, simulate
 
 SAMPLE_TIME = 0.01  # s
 _STIFFNESS = 40.0  # of the position servo [N m/rad]
-_DAMPING = 12.0  # its viscous friction, as seen through its gears [N m s/rad]
+_DAMPING = 12.0  # its viscous friction, at the load side [N m s/rad]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StandardExcitation:
-    """A servo and what is played into it.
+    """A servo and its excitation.
 
     Attributes:
         model: without the effects that are to be shown.
-        command: (T,) torque [N m], or servo gain times goal.
-        servo_gain: fall of the drive's torque with the angle [N m/rad]; 0 for a servo that is given a torque.
-        start: angle at which it begins at rest [rad].
+        command: (T,) torque [N m], or servo gain times set-point.
+        servo_gain: decrease of the drive's torque with the angle [N m/rad]; 0 for a torque input.
+        start: initial angle at rest [rad].
     """
 
     model: ServoModel
@@ -46,7 +46,7 @@ class StandardExcitation:
         return simulate(model, command=self.command, dt=SAMPLE_TIME, servo_gain=self.servo_gain, state=begin)
 
     def step_inputs(self, model: ServoModel) -> tuple[Array, Array]:
-        """(P,) parameters and (8, T) inputs that a step of a model takes, see `plant.discrete.INPUTS`."""
+        """(P,) parameters and (8, T) inputs of a model's step, see `plant.discrete.INPUTS`."""
         steps = np.full(self.command.size, SAMPLE_TIME)
         now, before, switch = held_commands(model, self.command, steps)
         given: dict[str, Array | float] = {"command": now, "previous_command": before, "time": self.motion.time}
@@ -57,7 +57,7 @@ class StandardExcitation:
 
     @cached_property
     def path(self) -> Array:
-        """(T + 1, 2) angle and velocity of the bench's own model [rad, rad/s]."""
+        """(T + 1, 2) angle and velocity of the model without the effects [rad, rad/s]."""
         return self.states(self.model)[:, :2]
 
     @cached_property
@@ -83,28 +83,28 @@ class StandardExcitation:
         )
 
     def _arriving(self, torque: Array) -> Array:
-        """(T,) what of the drive's torque (T,) reaches the load [N m]; the model has nothing with a memory."""
+        """(T,) torque at the load for a torque (T,) of the drive [N m]; the model's actuator has no memory."""
         for effect in self.model.effects:
             torque = np.array(effect.command(ca.DM(torque), 0.0, 0.0)).ravel()
         return torque
 
     def response(self, columns: Array, *, on_reading: bool) -> Array:
-        """(T, m) what small torques, or errors of the reading, (T, m) do to the reading, to first order [rad]."""
+        """(T, m) response of the measurement to small torques or measurement errors (T, m), to first order [rad]."""
         return -self._linear.response(columns, on_reading=on_reading)
 
     def score(self, mark: Array) -> tuple[Array, Array]:
-        """(T,) how much a torque, and an error of the reading, at each sample would take of a mark (T,) in it."""
+        """(T,) gradient of the fit to a signature (T,) by a torque, and by a measurement error, at each sample."""
         torque, reading = self._linear.score(-mark[:, None])
         return torque[:, 0], reading[:, 0]
 
     def chance(self) -> tuple[Array, Array]:
-        """(T, M) the same of white noise, of what a refit leaves of it."""
+        """(T, M) the same scores for white noise, after a refit."""
         noise = np.random.default_rng(0).normal(size=(self.command.size, AT_ONCE))
         return self._linear.score(noise - self.absorbed @ (self.absorbed.T @ noise))
 
     @cached_property
     def absorbed(self) -> Array:
-        """(T, F) orthonormal: what a refit of the model and its first state can do to the reading, to first order."""
+        """(T, F) orthonormal basis of the changes by a refit of model and initial state, to first order."""
         jacobian = self._prediction.jacobian
         return np.asarray(np.linalg.qr(jacobian[:, np.any(jacobian != 0.0, axis=0)])[0])
 
@@ -130,9 +130,9 @@ class StandardExcitation:
 
 
 def standard_excitation(servo: bool, *shown: type[Effect]) -> StandardExcitation:
-    """The paper's servo, given a torque, or as a position servo given a goal; without the effects that are to be shown.
+    """The paper's servo with a torque input, or as a position servo; without the effects that are to be shown.
 
-    Its axis is one that all of them can have.
+    It has a rotary axis if all of them can have one, otherwise a linear axis.
     """
     gone = {kind.name for kind in shown}
     kept = tuple(effect for effect in ServoModel.paper().effects if effect.name not in gone)
@@ -149,7 +149,7 @@ def _bench(servo: bool, effects: tuple[Effect, ...], rotary: bool) -> StandardEx
         return StandardExcitation(model=model, command=_STIFFNESS * _excitation(0.6), servo_gain=_STIFFNESS)
     return StandardExcitation(
         model=model, command=_excitation(3.5), start=-np.pi / 2 if rotary else 0.0
-    )  # where gravity holds it
+    )  # gravity holds it there
 
 
 def _excitation(amplitude: float) -> Array:

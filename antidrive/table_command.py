@@ -1,4 +1,4 @@
-"""`antidrive table`: what a drive compensates by a map or a number."""
+"""`antidrive table`: tables and numbers for the compensation in a drive."""
 
 from __future__ import annotations
 

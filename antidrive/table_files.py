@@ -1,4 +1,4 @@
-"""Tables and numbers for a drive on disk: CSV, and C arrays in a header."""
+"""Files with tables and numbers for a drive: CSV, and C arrays in a header."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from plant.model_file import ModelFile
 _ROUNDING = 1e-12  # of the largest value
 ARCMIN = 60.0 * 180.0 / np.pi
 NUMBERS = {"backlash": ("backlash",), "dead-time": ("input_delay", "actuator_lag")}
-"""Tables that are numbers, and the effects whose parameters these are."""
+"""Tables that are numbers, and the effects with these parameters."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Number:
-    """One number of a drive: value and standard error in a unit, None where that is unknown."""
+    """One number of a drive: value and standard error in a unit, None if the error is unknown."""
 
     name: str
     value: float
@@ -29,13 +29,13 @@ class Number:
     unit: str
 
     def __str__(self) -> str:
-        """In a line."""
+        """Text in one line."""
         error = "" if self.std is None else f" +- {self.std:.2g}"
         return f"{self.name} = {self.value:.6g}{error} {self.unit.removesuffix('-')}".rstrip()
 
 
 def numbers_of(read: ModelFile, kind: str) -> list[Number]:
-    """Backlash, or dead time, of a model; empty where it has none."""
+    """Backlash, or dead time, of a model; empty if it has none."""
     specs = {spec.name: spec for spec in read.model.parameters}
     found = [
         Number(name=name.replace(".", "_"), value=float(value), std=read.std.get(name), unit=specs[name].unit)
@@ -51,7 +51,7 @@ def numbers_of(read: ModelFile, kind: str) -> list[Number]:
 
 
 def csv_text(columns: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """A table with the units in its headings."""
+    """A table as CSV with the units in its headings."""
     heads = [f"{name} [{units[name]}]" if units.get(name) else name for name in columns]
     rows = zip(*columns.values(), strict=True)
     return "\n".join([",".join(heads), *(",".join(_cell(cell) for cell in row) for row in rows)]) + "\n"
@@ -80,7 +80,7 @@ def c_numbers(kind: str, numbers: Sequence[Number], *, single: bool) -> str:
 
 
 def summary_line(table: DriveTable) -> list[str]:
-    """Harmonics, notes and the error of straight lines, a sentence each."""
+    """Harmonics, notes and the error of linear interpolation, a sentence each."""
     first, last = table.ends
     unit = table.units[first].split("/")[0]
     per = "cycles/rev" if unit == "rad" else f"rad/{unit}"

@@ -1,4 +1,4 @@
-"""The test bench of a model: the rig with the model's mechanics, and teeth, rotors and encoders that fit its size."""
+"""The test bench of a model: the rig with the model's mechanics, and contact, rotors and encoders of suitable size."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from plant.effects import (
 from plant.rig import Rig
 from plant.servo import ServoModel
 
-_ROTORS = 0.04  # of the whole inertia, as on the paper-like rig
-_PRESSED = {"rotary": 1.2e-4, "linear": 1e-5}  # by how much the greatest torque presses teeth [rad], [m]: likewise
-_GAP = {"rotary": 1.2e-3, "linear": 5e-5}  # free play [rad], [m]
-_DAMPED = 0.107  # of a rotor on its teeth, as a share of critical: likewise
-_OWN_STEP = 0.5  # of the longest step that follows these teeth
+_ROTORS = 0.04  # fraction of the total inertia, as on the paper-like rig
+_PRESSED = {"rotary": 1.2e-4, "linear": 1e-5}  # compression of the flanks by the greatest torque [rad], [m]: likewise
+_GAP = {"rotary": 1.2e-3, "linear": 5e-5}  # backlash [rad], [m]
+_DAMPED = 0.107  # damping ratio of a rotor on its contact stiffness: likewise
+_OWN_STEP = 0.5  # fraction of the longest step for this contact stiffness
 _LONGEST_STEP = 20e-6  # [s]
 _MECHANICS = frozenset(
     {
@@ -35,20 +35,20 @@ _MECHANICS = frozenset(
         "torque_offset",
     }
 )
-"""Fields of the rig that a model says."""
+"""Fields of the rig that are taken from a model."""
 
 
 def test_bench(
     model: ServoModel, train: DriveTrain, kept: Mapping[str, float], *, max_torque: float, told: Mapping[str, Any]
 ) -> tuple[Rig, list[str]]:
-    """The rig for a model, and what is to be said of it, in sentences.
+    """The rig for a model, and remarks on it, in sentences.
 
     Args:
-        model: all that moves, rotors in mesh included.
+        model: everything that moves, including rotors in mesh.
         train: its drives.
-        kept: what a scenario says of teeth, motors and encoders; what it says of mechanics gives way to the model.
+        kept: numbers of a scenario for contact, motors and encoders; its numbers for the mechanics are ignored.
         max_torque: of a drive [N m].
-        told: attributes of the controller that say what the machine is: rotors, motor friction, encoder.
+        told: attributes of the controller that describe the machine: rotors, motor friction, encoder.
     """
     said = {"gravity": model.gravity, "viscous_friction": model.viscous_friction}
     for effect in model.effects:
@@ -83,7 +83,7 @@ def test_bench(
 
 
 def on_the_bench(model: ServoModel) -> ServoModel:
-    """A model less the effects that no rig has: a controller that made up for one would push where nothing gives."""
+    """A model without the effects that no rig has: a controller that compensates for them would be wrong there."""
     for effect in model.effects:
         if _fields(effect) is None:
             model = model.without_effect(effect.name)
@@ -91,7 +91,7 @@ def on_the_bench(model: ServoModel) -> ServoModel:
 
 
 def _fields(effect: Effect) -> dict[str, float] | None:
-    """The fields of the rig that an effect is; None of an effect that no rig has."""
+    """The fields of the rig for an effect; None for an effect that no rig has."""
     match effect:
         case CoulombFriction():
             return {"coulomb_friction": effect.torque}
@@ -116,5 +116,5 @@ def _fields(effect: Effect) -> dict[str, float] | None:
 
 
 def is_built(kept: Mapping[str, float]) -> bool:
-    """Whether a scenario leaves its machine to the model: one that says its inertia has a machine of its own."""
+    """Whether the machine of a scenario is built from the model: it gives no inertia of its own."""
     return "inertia" not in kept

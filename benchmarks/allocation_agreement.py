@@ -1,9 +1,9 @@
-"""Do closed form and quadratic program give the same split? And how long does a split take?
+"""Agreement of the closed form and the quadratic program of the torque allocation, and their computing times.
 
     python benchmarks/allocation_agreement.py
 
-100,000 random cases at each of three scales: gear trains, limits, weights, rotors, friction and rates of any kind,
-demands within reach, out of reach and at its very edge. Prints the table and writes it to
+100,000 random cases at each of three scales: random gear trains, limits, weights, rotors, friction and rates, with
+demands inside, outside and at the limit of the reachable torques. Prints the table and writes it to
 benchmarks/results/allocation_agreement.txt.
 """
 
@@ -24,7 +24,7 @@ from machines import DT, asked, best_by_trying, random_allocator, two_drives  # 
 from allocation import Allocation, Allocator  # noqa: E402
 
 CASES = 100_000
-OF_EACH = 50  # cases of one machine
+OF_EACH = 50  # cases per machine
 OTHERS = ((1, 2), (2, 3), (2, 4), (3, 4))
 OF_OTHERS = 500
 
@@ -34,7 +34,7 @@ def residual(result: Allocation) -> float:
 
 
 def two_drive_row(scale: float, cases: int, seed: int) -> str:
-    """Largest difference between both ways, over the rated torque, and what became of the proofs."""
+    """Largest difference of the two methods over the rated torque, and the results of the certificates."""
     rng = np.random.default_rng(seed)
     worst, proof, unsolved, differing = 0.0, 0.0, 0, 0
     seconds: dict[str | None, list[float]] = {None: [], "osqp": []}
@@ -58,7 +58,7 @@ def two_drive_row(scale: float, cases: int, seed: int) -> str:
 
 
 def other_row(n: int, m: int, cases: int, seed: int) -> str:
-    """The same for other structures, against every set of active bounds."""
+    """The same for other structures, compared with every set of active bounds."""
     rng = np.random.default_rng(seed)
     worst, proof, unsolved, seconds = 0.0, 0.0, 0, []
     for _ in range(cases):

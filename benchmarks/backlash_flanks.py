@@ -1,8 +1,8 @@
-"""Gaps between flanks that are harder, softer or less damped than those of the model: are they named and measured?
+"""Backlash with flanks that are harder, softer or less damped than in the model: is it reported and measured correctly?
 
     python benchmarks/backlash_flanks.py [processes]
 
-The machine that hides effects has by default the flanks of the model. Writes results/backlash_flanks.txt.
+The simulated machine has by default the flanks of the model. Writes results/backlash_flanks.txt.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Case = tuple[tuple[float, float], float, int]
 
 
 def told(case: Case) -> str:
-    """What a diagnosis says of one gap."""
+    """Result of the diagnosis of one backlash."""
     (frequency, damping), gap, seed = case
     machine = Machine(flank_frequency=frequency, flank_damping=damping)
     machine = machine.hiding(backlash={"gap": gap, "motor_share": SHARE})

@@ -1,17 +1,17 @@
-"""Many diagnoses of synthetic logs: are names right, odds honest, and clean logs left alone?
+"""Many diagnoses of synthetic logs: correct effects, calibrated probabilities, and no false effects in clean logs?
 
     python benchmarks/calibration.py sizes
     python benchmarks/calibration.py run PART COUNT SEED [processes]     PART: hidden, several, deleted, clean
     python benchmarks/calibration.py table
 
-`run` adds COUNT diagnoses, on logs of SEED and those that follow, to benchmarks/results/calibration.jsonl, one a line;
-what is there is not run again, so it may be stopped and taken up. `table` reads that file and writes calibration.txt. A
-line depends on its key alone.
+`run` adds COUNT diagnoses, on logs of SEED and the following seeds, to benchmarks/results/calibration.jsonl, one per
+line. Lines that exist are not run again, so the run may be interrupted and continued. `table` reads that file and
+writes calibration.txt. A line depends on its key only.
 
 The size of an effect is given as lambda: twice the log-likelihood by which the model with the true effect beats the
-nearest without it (see tests/hidden_effects.py), each with the process noise that suits it best, as expected before
-the noise is drawn. The same size has lambdas that differ by a factor of ten and more from one excitation to the next,
-so it is chosen for each log anew: `sizes` measures on one log of each effect where to begin.
+nearest one without it (see tests/hidden_effects.py), each with its best process noise, as an expectation over the
+measurement noise. For the same size, lambda differs by a factor of ten and more between excitations. The size is
+therefore chosen for each log; `sizes` measures starting values on one log of each effect.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ CLEAN = (
 )
 CHANNELS = ("time", "command", "output", "valid", "servo_gain")
 BY_NAME = {case.effect: case for case in CASES}
-# Pairs and triples: effects whose traces lie apart, the tooth gap among them.
+# Pairs and triples: effects with distinct signatures, including backlash.
 SEVERAL = (
     ("coulomb_friction", "gravity_offset"),
     ("coulomb_friction", "cogging"),
@@ -103,7 +103,7 @@ def lines(part: str, count: int, first: int) -> Iterator[Key]:
 
 
 def case_on(number: int, seed: int) -> Hidden:
-    """An effect to hide under the commands of a seed; of an end stop the size is what share of the travel it takes."""
+    """An effect to hide under the commands of a seed; an end stop's size is the fraction of the travel it blocks."""
     case = CASES[number]
     if case.effect != "end_stop":
         return case
@@ -113,7 +113,7 @@ def case_on(number: int, seed: int) -> Hidden:
 
 
 def sizes_of(number: int) -> list[tuple[float, float]]:
-    """(size, lambda) of one effect, from small to large, on the log of one seed."""
+    """(size, lambda) of one effect, with increasing size, on the log of one seed."""
     seed = 4000
     case = case_on(number, seed)
     commands = excitation(2 * seed, duration=DURATION)
@@ -130,7 +130,7 @@ def sizes_of(number: int) -> list[tuple[float, float]]:
 
 
 def size_for(case: Hidden, wanted: float) -> float:
-    """The size at which lambda first reaches what is wanted, on a line through the measured sizes in logarithms."""
+    """The size at which lambda first reaches a value, by interpolation of the measured sizes in logarithms."""
     known = json.loads(SIZES.read_text())[case.effect]
     for (a, below), (b, above) in pairwise(known):
         if above >= wanted:
@@ -143,7 +143,8 @@ def size_for(case: Hidden, wanted: float) -> float:
 def lambda_of(case: Hidden, size: float, seed: int) -> float:
     """Expected lambda of a size under the commands of a seed.
 
-    The mean over a noise and its opposite, whose luck cancels, less what the further parameters make of noise.
+    The mean over a noise sequence and its negative, which cancels their first-order influence, less the bias of the
+    additional parameters.
     """
     commands, machine = excitation(2 * seed, duration=DURATION), case.machine(size)
     logs = [record(machine, commands, seed=seed, noise=noise).log() for noise in (NOISE, -NOISE)]
@@ -153,14 +154,14 @@ def lambda_of(case: Hidden, size: float, seed: int) -> float:
 
 @lru_cache(maxsize=1)
 def sizes_on(number: int, seed: int) -> dict[float, tuple[float, float]]:
-    """The sizes of an effect that come closest to each lambda under the commands of a seed, with their own lambdas."""
+    """The sizes of an effect that come closest to each lambda under the commands of a seed, with their lambdas."""
     case = case_on(number, seed)
     begin = {wanted: size_for(case, wanted) for wanted in (100.0, 30.0, 400.0)}
     return reaching(begin, lambda size: lambda_of(case, size, seed), (case.sizes[0] / 1000.0, case.sizes[-1]))
 
 
 def hidden(number: int, seed: int) -> dict[str, Any]:
-    """One effect hidden at a lambda."""
+    """One hidden effect at a given lambda."""
     case, wanted = case_on(number // len(LAMBDAS), seed), LAMBDAS[number % len(LAMBDAS)]
     commands = excitation(2 * seed, duration=DURATION)
     size, reached = sizes_on(number // len(LAMBDAS), seed)[wanted]
@@ -184,7 +185,7 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
 
 
 def several(number: int, seed: int) -> dict[str, Any]:
-    """Two or three effects at once, each at the largest of its sizes (gap: at the middle one)."""
+    """Two or three effects at once, each at the largest of its sizes (backlash: at the middle one)."""
     names = SEVERAL[number]
     machine = Machine()
     for name in names:
@@ -199,7 +200,7 @@ def several(number: int, seed: int) -> dict[str, Any]:
 
 
 def shown(names: tuple[str, ...], log: Log) -> dict[str, float]:
-    """lambda of each of several true effects beside the others: a load at rest does not show what it carries."""
+    """lambda of each of several true effects given the others: a load at rest does not show load-dependent effects."""
     truth = ServoModel.paper()
     for name in names:
         case = BY_NAME[name]
@@ -211,7 +212,7 @@ def shown(names: tuple[str, ...], log: Log) -> dict[str, float]:
 
 
 def deleted(number: int, seed: int) -> dict[str, Any]:
-    """One effect at the largest of its sizes, which the catalogue does not have."""
+    """One effect at the largest of its sizes, removed from the catalogue."""
     case = CASES[number]
     machine = case.machine(case.sizes[-1])
     log = record(machine, excitation(2 * seed, duration=DURATION), seed=seed, noise=NOISE).log()
@@ -224,7 +225,7 @@ def deleted(number: int, seed: int) -> dict[str, Any]:
 
 
 def clean(number: int, seed: int) -> dict[str, Any]:
-    """Nothing hidden, and everything else that a log may suffer from."""
+    """No hidden effect, but another imperfection of the log."""
     kind = CLEAN[number]
     begin = time.perf_counter()
     found = diagnose(clean_log(kind, seed), None)
@@ -232,7 +233,7 @@ def clean(number: int, seed: int) -> dict[str, Any]:
 
 
 def clean_log(kind: str, seed: int) -> Log:
-    """The paper's machine, recorded in one way or another."""
+    """The paper's machine, recorded with a given imperfection."""
     options: dict[str, Any] = {"sample_time": 0.005, "noise": NOISE}
     if kind in ("1 ms", "20 ms"):
         options["sample_time"] = float(kind.split()[0]) * 1e-3
@@ -259,13 +260,13 @@ def clean_log(kind: str, seed: int) -> Log:
         noise = NOISE * np.sqrt(1.0 - 0.9**2) * lfilter([1.0], [1.0, -0.9], rng.standard_normal(len(run)))
         run = replace(run, output=run.output + noise)
     if kind == "late stamps":
-        # The clock that is written down is late by up to a tenth of a sample, at random.
+        # The recorded time stamps are randomly late by up to a tenth of a sample.
         run = replace(run, time=run.time + 0.1 * dt * rng.uniform(size=len(run)))
     return Log(runs=(run,), axis="rotary")
 
 
 def unevenly_sampled(seed: int) -> Log:
-    """Samples 4.5 to 5.5 ms apart at random, of command and angle alike, at times that are written down truly."""
+    """Samples 4.5 to 5.5 ms apart at random, of command and angle alike, with correct time stamps."""
     fine = 5e-4
     rng = np.random.default_rng([seed, 10])
     places = np.cumsum(rng.integers(9, 12, round(DURATION / 5e-3)))
@@ -280,7 +281,7 @@ def unevenly_sampled(seed: int) -> Log:
 
 
 def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
-    """What a diagnosis said, as plain values."""
+    """The result of a diagnosis, as plain values."""
     return {
         "verdict": found.verdict,
         "causes": [
@@ -295,7 +296,7 @@ def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
 
 
 def evidence_of_sets(found: Diagnosis, effect: str) -> dict[str, float | None]:
-    """Rise of the log-likelihood of the best set that holds an effect, and of the best that does not."""
+    """Gain in log-likelihood of the best set with an effect, and of the best set without it."""
     rise = {True: list[float](), False: [0.0]}
     for each in found.sets:
         if each.fit is not None:
@@ -304,12 +305,12 @@ def evidence_of_sets(found: Diagnosis, effect: str) -> dict[str, float | None]:
 
 
 def window_of(truth: Fit) -> float | None:
-    """A simulation begins anew every second if the true model is chaotic: in a whole run it goes astray as well."""
+    """Restart interval of the simulation if the true model is chaotic, as a whole run would then diverge; else None."""
     return restart_window(truth.log) if truth.model.chaotic else None
 
 
 def held_out_errors(fits: list[Fit], log: Log, window: float | None) -> list[float]:
-    """RMS errors of free simulations of the held-out run [rad], which begin anew after each window [s]."""
+    """RMS errors of free simulations of the validation run [rad], restarted after each window [s]."""
     return [float(np.sqrt(np.mean(squared_errors(log, found.model, window)[0]))) for found in fits]
 
 
@@ -327,7 +328,7 @@ def main() -> None:
         return
     if sys.argv[1] == "run":
         part, count, first = sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
-        chunk = len(LAMBDAS) if part == "hidden" else 1  # which share the search for sizes
+        chunk = len(LAMBDAS) if part == "hidden" else 1  # of cases that share the search for sizes
         add(STORE, lines(part, count, first), one, int(sys.argv[5]) if len(sys.argv) > 5 else 2, chunk)
     text = table(stored(STORE))
     (HERE / "results" / "calibration.txt").write_text(text + "\n")

@@ -1,4 +1,4 @@
-"""What many diagnoses say together: rates with intervals, reliability of the odds, confusions, losses by cause."""
+"""Summary of many diagnoses: rates with intervals, reliability of the probabilities, confusions, losses by cause."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from confusion_matrix import matrix
 from scipy.stats import beta
 
 Told = dict[str, Any]
-_SEPARABLE = 25.0  # lambda of the truth over the best other name
-_DETECTED = 30.0  # lambda from which an effect is to be found
-_NEAR = 1.2  # times the oracle's error
-_MUCH = 0.1  # share of the held-out error power from which it is said that something remains
+_SEPARABLE = 25.0  # lambda of the truth over the best other effect
+_DETECTED = 30.0  # lambda from which an effect is to be detected
+_NEAR = 1.2  # factor on the oracle's error
+_MUCH = 0.1  # share of the validation error power from which an unexplained part is reported
 EQUIVALENT = {  # in an open loop, at these sizes
     "input_delay": {"sensor_lag", "actuator_lag"},
     "actuator_lag": {"sensor_lag", "input_delay"},
     "sensor_lag": {"input_delay", "actuator_lag"},
     "gravity_offset": {"cogging"},  # of order one
-    "coulomb_friction": {"asymmetric_friction"},  # of two equal levels
+    "coulomb_friction": {"asymmetric_friction"},  # with two equal levels
 }
 _BINS = (0.0, 0.5, 0.9, 0.99, 0.999, 0.9999, 1.0000001)
 
 
 def rate(good: int, of: int) -> str:
-    """A share with its 95 % interval (Clopper and Pearson)."""
+    """A rate with its 95 % interval (Clopper and Pearson)."""
     if not of:
         return "-"
     low = beta.ppf(0.025, good, of - good + 1) if good else 0.0
@@ -40,12 +40,12 @@ def names(told: Told) -> list[str]:
 
 
 def alone(told: Told) -> bool:
-    """Whether exactly the truth is named."""
+    """Whether exactly the true effects are reported."""
     return told["verdict"] == "named" and set(names(told)) == set(told["truth"])
 
 
 def honest(told: Told) -> bool:
-    """Whether the truth is named, or among at most three that are said to be rivals."""
+    """Whether the true effect is reported, or is among at most three competing effects of an ambiguous verdict."""
     if alone(told):
         return True
     if told["verdict"] != "ambiguous" or len(told["causes"]) != 1:
@@ -55,18 +55,18 @@ def honest(told: Told) -> bool:
 
 
 def not_misled(told: Told) -> bool:
-    """Right, or `ambiguous` or `unknown` without a wrong name that is sure: right or honest, as on drawn machines."""
+    """Right, or `ambiguous` or `unknown` without a wrong effect above 0.9: right or honest, as on drawn machines."""
     sure = {cause["effect"] for cause in told["causes"] if cause["probability"] > 0.9}
     return alone(told) or (told["verdict"] in ("ambiguous", "unknown") and sure <= set(told["truth"]))
 
 
 def shown(told: Told) -> bool:
-    """Whether some size has about the lambda that was wanted: torque saturates at once by much, or not at all."""
+    """Whether some size has about the required lambda: saturation, for example, is either strong or absent."""
     return bool(0.5 <= told["lambda"] / told["wanted"] <= 2.0)
 
 
 def loss(told: Told) -> str:
-    """Why a hidden effect was not named: the search missed it, the noise took it, or statistics preferred another."""
+    """Why a hidden effect was not reported: search, noise model, or statistics in favour of another effect."""
     if told["own"] is None or told["own"] < told["oracle"] - 3.0:
         return "search" if told["oracle"] > 15.0 else "noise model"
     return "statistics"
@@ -134,7 +134,7 @@ def _hidden(told: list[Told]) -> str:
 
 
 def _over_the_oracle(told: list[Told]) -> list[str]:
-    """Held-out error over that of a fit that was told where the truth is, and who has much more."""
+    """Validation error relative to that of a fit with the true effects, and the cases with a much larger one."""
     if not told:
         return []
     ratios = np.array([t["errors"][1] / t["errors"][2] for t in told])
@@ -148,7 +148,7 @@ def _over_the_oracle(told: list[Told]) -> list[str]:
 
 
 def _no_worse(told: list[Told]) -> str:
-    """How often the extended model does worse on held-out data than the base, and than the true law would."""
+    """How often the extended model has a larger validation error than the base model and the true model."""
     worse = [extended > 1.05 * max(base, oracle) for base, extended, oracle in (t["errors"] for t in told)]
     return f"held-out error a twentieth above the base's and the oracle's: {rate(sum(worse), len(worse))}"
 
@@ -158,7 +158,7 @@ def _p95(told: list[Told]) -> float:
 
 
 def _reliability(stored: Sequence[Told]) -> str:
-    """Of names given with some probability, how many were right."""
+    """Share of correct effects, by reported probability."""
     pairs = []
     for t in stored:
         for cause in t["causes"]:
@@ -211,12 +211,12 @@ def _several(told: list[Told]) -> str:
 
 
 def _shown(told: Told) -> set[str]:
-    """The true effects that the log shows, as far as that has been measured."""
+    """The true effects that the log shows, as far as that was measured."""
     return {name for name in told["truth"] if told.get("shown", {}).get(name, np.inf) >= _DETECTED}
 
 
 def _set(told: Told) -> set[str]:
-    """The names, where a true effect counts as named that is among at most three which are said to be rivals."""
+    """The reported effects; a true effect also counts if it is among at most three competing effects."""
     found = set()
     for cause in told["causes"]:
         rivals = [] if cause["probability"] >= 0.9 else [n for n, share in cause["rivals"].items() if share >= 0.05]
@@ -226,7 +226,7 @@ def _set(told: Told) -> set[str]:
 
 
 def _deleted(told: list[Told]) -> str:
-    """The truth is not in the catalogue: a name without any doubt is wrong, whatever it explains."""
+    """Diagnoses without the true effect in the catalogue: an effect reported without any reservation is wrong."""
     if not told:
         return ""
     silent = [t for t in told if t["verdict"] == "named" and not t["depends_on"] and t["unexplained"] < _MUCH]

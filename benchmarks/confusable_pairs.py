@@ -1,4 +1,4 @@
-"""Pairs of effects that look alike, as small as a short log still shows them: what is hidden, what passes for it."""
+"""Pairs of confounded effects, as small as a short log still shows them: the hidden effect and the competing one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """What is hidden, what it is confused with (with values from which its fit starts), and the chirp of the log."""
+    """The hidden effect, its competing effect (with starting values of its fit), and the chirp of the log."""
 
     hidden: str
     values: Values

@@ -1,4 +1,4 @@
-"""Which effect was told as which: one row a hidden effect, one column an answer."""
+"""Confusion matrix: one row per hidden effect, one column per answer."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ _NOTHING, _UNKNOWN = "nothing_missing", "unknown"
 
 
 def leading(told: dict[str, Any]) -> str:
-    """The likeliest name, also where it is said to be ambiguous; without a name the verdict."""
+    """The most probable effect, also if the verdict is ambiguous; without an effect the verdict."""
     causes = told["causes"]
     return str(max(causes, key=lambda cause: cause["probability"])["effect"] if causes else told["verdict"])
 
 
 def matrix(told: Sequence[dict[str, Any]], effects: Sequence[str]) -> str:
-    """Counts of the truth against the leading name, the diagonal being right; a dot is none."""
+    """Counts of the truth against the most probable effect; the diagonal is correct, a dot is zero."""
     counts = Counter((t["truth"][0], leading(t)) for t in told)
     answers = [*effects, _UNKNOWN, _NOTHING, *sorted({answer for _, answer in counts} - {*effects, _UNKNOWN, _NOTHING})]
     heads = [*(str(place) for place in range(1, len(effects) + 1)), "unk", "-", *answers[len(effects) + 2 :]]

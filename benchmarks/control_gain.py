@@ -1,10 +1,10 @@
-"""Hide each effect at its largest size, diagnose, and close the loop on the same machine with what was found.
+"""Hide each effect at its largest size, diagnose, and close the loop on the same machine with the extended model.
 
     python benchmarks/control_gain.py [effect ...]
 
 The controller follows the same reference with the base model, with the extended model and with the true one; the loop
-goes on where the log has ended. Twice: with the noise of the log, and with that of a good encoder, where less of the
-error is noise. Prints the table and, if it is whole, writes it to benchmarks/results/control_gain.txt.
+continues where the log ends. It runs twice: with the noise of the log, and with that of a good encoder, where noise is
+a smaller part of the error. Prints the table and, if it is complete, writes it to benchmarks/results/control_gain.txt.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ HEADER = (
 
 
 def row(case: Hidden) -> str:
-    """One effect: the line of the table."""
+    """The line of the table for one effect."""
     size = case.sizes[2]
     machine = case.machine(size)
     log, held_out = logs_of(machine, seed=SEED, duration=END)
@@ -50,7 +50,7 @@ def row(case: Hidden) -> str:
 def _errors(loops: list[Tracking]) -> str:
     base, extended, _ = loops
     errors = "".join(f"{1e6 * loop.rms:9.1f}" for loop in loops)
-    cut = round(1.0 - extended.rms / base.rms, 2) + 0.0  # without a minus before zero
+    cut = round(1.0 - extended.rms / base.rms, 2) + 0.0  # no minus sign before zero
     return f"{errors}{cut:6.2f}"
 
 

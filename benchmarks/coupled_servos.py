@@ -1,11 +1,11 @@
-"""How far a servo at rest gives way when it is pulled from either side: one servo, and two that are coupled.
+"""Displacement of a servo at rest that is pulled from either side: one servo, and two coupled servos.
 
     python benchmarks/coupled_servos.py FOLDER
 
 FOLDER holds the public logs of Robonine's backlash bench (Boris Kotov 2025, repository
 roboninecom/Backlash-Compensation-in-STS3215-Servo-Actuators): STS3215 servos hold their home position of 2047 counts
-while two others pull at them through elastic bands, in turns. Their positions are compared while one puller and while
-the other is stretched, and after either has let go. Prints the table and writes it to results/coupled_servos.txt.
+while two others pull at them through elastic bands, in turns. Their positions are compared while one or the other
+puller is stretched, and after each release. Prints the table and writes it to results/coupled_servos.txt.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ BENCHES = {"one servo": ("single", (5,)), "two, coupled": ("nocomp2", (1, 2))}
 
 
 def differences(table: pd.DataFrame, held: tuple[int, ...]) -> dict[str, tuple[float, float, int]]:
-    """Difference between the two pullers' means of the held position [counts], its standard error, number of pulls.
+    """Difference of the held positions under the two pullers [counts], its standard error, and the number of pulls.
 
-    The means are over pulls, each of which counts once: "pulled" while it lasts, "let go" until the next begins.
+    Each pull counts once: "pulled" while it lasts, "let go" until the next begins.
     """
     table = table.dropna()
     signs = np.array([1.0, -1.0])[: len(held)]  # the second of a pair is mounted mirrored

@@ -1,4 +1,4 @@
-"""At what size an effect reaches a lambda: a few secants in logarithms."""
+"""The size of an effect for a given lambda, by a few secant steps in logarithms."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 _SECANTS = 4
-_NEAR = 0.2  # of the logarithm of a lambda: close enough
+_NEAR = 0.2  # tolerance of the logarithm of lambda
 
 
 def reaching(
     begin: Mapping[float, float], lambda_of: Callable[[float], float], bounds: tuple[float, float]
 ) -> dict[float, tuple[float, float]]:
-    """The sizes that come closest to each lambda, with their own lambdas.
+    """The sizes that come closest to each lambda, with their lambdas.
 
-    The search for each lambda begins at the size given with it; the later ones know what the earlier have measured.
+    The search for each lambda starts at the size given with it; later searches use the earlier evaluations.
     """
     lowest, highest = np.log(bounds)
     known: list[tuple[float, float]] = []  # logarithms of size and lambda
@@ -30,11 +30,11 @@ def reaching(
 
 
 def _next_size(known: list[tuple[float, float]], wanted: float, begin: float) -> float:
-    """Where the line through the two known sizes next to a lambda reaches it; all are logarithms."""
+    """The size at a lambda on the line through the two nearest known sizes; all values are logarithms."""
     if not known:
         return begin
     (at, reached), *others = sorted(known, key=lambda one: abs(one[1] - wanted))[:2]
-    slope = 2.0  # of lambda over a small size
+    slope = 2.0  # initial slope, as for a small size
     if others and others[0][0] != at:
         slope = float(np.clip((reached - others[0][1]) / (at - others[0][0]), 0.5, 6.0))
     return at + float(np.clip((wanted - reached) / slope, -2.0, 2.0))

@@ -1,11 +1,11 @@
-"""What least squares leave of the public logs, in the measure in which a diagnosis of them is told.
+"""Errors of least squares on the public logs, in the measure that a diagnosis reports.
 
     python benchmarks/fair_baselines.py FOLDER
 
 FOLDER holds the folders emps and ur10e. The torque of the fitted part is regressed on its measured motion; the error is
-that of the held-out part, relative to its torque. Motion, filter and the ends that are cut are those of `antidrive
+that of the validation part, relative to its torque. Motion, filter and the trimmed ends are those of `antidrive
 diagnose`. The sign of the velocity passes the same filter as the torque, as in the identification of robots (Gautier
-1997); where it does not, the filter alone makes an error at each reversal. Writes results/fair_baselines.txt.
+1997); without that, the filter alone causes an error at each reversal. Writes results/fair_baselines.txt.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Columns = Callable[[FilteredMotion, Callable[[Array], Array]], tuple[Array, ...]
 
 
 def table(log: Log, columns: Columns, cutoff: float) -> tuple[Array, Array]:
-    """(T, P) regressors and (T,) torque, ends cut as in `identification.inverse.torque_error_samples`."""
+    """(T, P) regressors and (T,) torque, with ends trimmed as in `identification.inverse.torque_error_samples`."""
     rows, torques = [], []
     for run in log.runs:
         m = filtered_motion(run, cutoff)
@@ -39,7 +39,7 @@ def table(log: Log, columns: Columns, cutoff: float) -> tuple[Array, Array]:
 
 
 def errors(fitted: Log, held_out: Log, columns: Columns) -> tuple[float, float]:
-    """Relative error on what was fitted and on what was held out [%]."""
+    """Relative error on the fitted part and on the validation part [%]."""
     cutoff = min(40.0, 0.1 / fitted.runs[0].sample_time)
     (rows, torque), (others, other) = (table(log, columns, cutoff) for log in (fitted, held_out))
     values = np.linalg.lstsq(rows, torque, rcond=None)[0]
@@ -49,7 +49,7 @@ def errors(fitted: Log, held_out: Log, columns: Columns) -> tuple[float, float]:
 
 
 def plain(sign_filtered: bool) -> Columns:
-    """Inertia, gravity, viscous and dry friction: what a textbook regresses."""
+    """Inertia, gravity, viscous and dry friction: the textbook regression."""
 
     def columns(m: FilteredMotion, low_pass: Callable[[Array], Array]) -> tuple[Array, ...]:
         sign = np.sign(m.velocity)
@@ -59,7 +59,7 @@ def plain(sign_filtered: bool) -> Columns:
 
 
 def with_drag(m: FilteredMotion, low_pass: Callable[[Array], Array]) -> tuple[Array, ...]:
-    """The same, and a friction that bends over the speed."""
+    """The same, with quadratic friction over the speed."""
     return (*plain(True)(m, low_pass), m.velocity * np.abs(m.velocity))
 
 
@@ -81,7 +81,7 @@ def asymmetric(m: FilteredMotion, low_pass: Callable[[Array], Array]) -> tuple[A
 
 
 def with_presliding(give: float) -> Columns:
-    """The same beside one element that gives by `give` [m] before it slides (elastic, then at its limit)."""
+    """The same, with one element that deforms by `give` [m] before it slides (elastic-plastic)."""
 
     def columns(m: FilteredMotion, low_pass: Callable[[Array], Array]) -> tuple[Array, ...]:
         stretch = np.zeros(m.time.size)
@@ -93,7 +93,7 @@ def with_presliding(give: float) -> Columns:
 
 
 def best_give(fitted: Log) -> float:
-    """What the fitted part alone asks the element to give [m]."""
+    """The deformation of the element with the least error on the fitted part [m]."""
     found = optimize.minimize_scalar(
         lambda log_give: errors(fitted, fitted, with_presliding(float(np.exp(log_give))))[0],
         bounds=(np.log(1e-6), np.log(1e-3)),

@@ -1,13 +1,13 @@
-"""Right or honest on machines that nobody chose.
+"""Rates of right, honest and wrong diagnoses on randomly drawn machines.
 
     python benchmarks/field.py choosing [--count 100] [--processes 2] [--with module:function] [--out FOLDER]
     python benchmarks/field.py choosing --seeds 3,17        single logs
-    python benchmarks/field.py choosing --table             the table of what is there
+    python benchmarks/field.py choosing --table             the table of the stored outcomes
 
-Draws logs of servos (`drawn_machines`), diagnoses each, and says how often the diagnosis was right, honest or wrong
+Draws logs of servos (`drawn_machines`), diagnoses each, and reports how often the diagnosis is right, honest or wrong
 (`field_scoring`). *choosing* are 500 seeds for work on the method; *final* are 1,000 others, each run once; *later* are
-1,000 more, for what has been changed since those. A log takes a process of its own with a time limit; outcomes are
-appended to a file as they come, and what is there is not run again. The table goes to benchmarks/results/field.txt.
+1,000 more, for changes made after those. Each log runs in a separate process with a time limit. Outcomes are appended
+to a file as they come, and stored ones are not run again. The table goes to benchmarks/results/field.txt.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def arguments() -> argparse.Namespace:
-    """What was asked for."""
+    """The command-line arguments."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("set", choices=SETS)
     parser.add_argument("--count", type=int, default=1000, help="how many seeds of the set")
@@ -71,13 +71,13 @@ def arguments() -> argparse.Namespace:
 
 
 def kept(store: Path) -> dict[int, Outcome]:
-    """The outcomes of a file by seed, the last of each."""
+    """The stored outcomes by seed, the last of each."""
     lines = store.read_text(encoding="utf-8").splitlines() if store.exists() else []
     return {outcome["seed"]: outcome for outcome in map(json.loads, lines)}
 
 
 def without_answer(seed: int, told: Outcome, logs: Path | None) -> Outcome:
-    """The outcome of a log whose process had to be ended: its truth is drawn again."""
+    """The outcome of a log whose process was terminated: its truth is drawn again."""
     made = drawn(seed, logs)
     facts = json.loads(json.dumps(made.facts()))
     return {**facts, "samples": int(made.channels["time"].size), **told}

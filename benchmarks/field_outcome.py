@@ -1,8 +1,8 @@
-"""One drawn log diagnosed: what was hidden, what was said, how large the named torques are, and how long it took [s].
+"""The diagnosis of one drawn log: hidden effects, reported effects, their torques, and the computing time [s].
 
-An outcome is a dict that a line of JSON holds. What a diagnosis says is read from its `to_dict()`, the contract of
-diagnosis.json, so that another core is measured by the same words; the torque of a name comes from its own extended
-model along the log's own motion, never from what it claims.
+An outcome is a dict that fits into a line of JSON. The result of a diagnosis is taken from its `to_dict()`, the
+contract of diagnosis.json, so that another implementation is measured in the same way. The torque of a reported effect
+is computed with the extended model along the log's measured motion, not taken from the diagnosis.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SURE = 0.9
 
 
 def outcome_of(seed: int, method: str, folder: Path | None) -> Outcome:
-    """The log of a seed and what `method`, "module:function", says of it."""
+    """The log of a seed and the result of `method`, "module:function", on it."""
     made = drawn(seed, folder)
     truth = made.facts()
     facts = {key: truth[key] for key in ("seed", "kind", "loop", "rate", "clock", "rest_share", "rest", "level")}
@@ -37,14 +37,14 @@ def outcome_of(seed: int, method: str, folder: Path | None) -> Outcome:
 
 
 def diagnoser(method: str) -> Callable[..., Any]:
-    """The function that is named "module:function"."""
+    """The function given as "module:function"."""
     module, _, name = method.partition(":")
     function: Callable[..., Any] = getattr(importlib.import_module(module), name or "diagnose")
     return function
 
 
 def told(found: Any, made: Drawn) -> Outcome:
-    """Verdict, names with probabilities and sizes, and the variables of what has no name."""
+    """Verdict, reported effects with probabilities and sizes, and the variables of the unexplained part."""
     said = found.to_dict()
     names = [
         {
@@ -68,7 +68,7 @@ def told(found: Any, made: Drawn) -> Outcome:
 
 
 def torque_of(found: Any, name: str) -> dict[str, float | None]:
-    """rms torque of a named effect along the log [N m], and of what it says beyond its special case; None if none."""
+    """rms torque of a reported effect along the log [N m], and of its excess over a special case; None if unknown."""
     model, sizes = found.model, {"rms": None, "wider": None}
     effect = model.effect(name)
     if effect is None:
@@ -81,12 +81,12 @@ def torque_of(found: Any, name: str) -> dict[str, float | None]:
                 narrow = model.without_effect(name).with_effect(special)
                 sizes["wider"] = _rms(whole - _missing(found, narrow))
     except Exception:
-        return sizes  # a name whose torque nobody can say counts as a large one
+        return sizes  # an effect whose torque cannot be computed counts as a large one
     return sizes
 
 
 def _missing(found: Any, model: Any) -> np.ndarray:
-    """(T,) torque that a model lacks along the motion that was measured [N m]."""
+    """(T,) torque that a model lacks along the measured motion [N m]."""
     from diagnosis.residual_torque import noise_cutoff
     from identification.inverse import filtered_motion, needed_torque
     from identification.run_parameters import own_model

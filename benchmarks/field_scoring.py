@@ -1,22 +1,22 @@
-"""Right, honest or wrong: what an outcome of `field_outcome` is worth. Plain rules on plain numbers.
+"""Scores of an outcome of `field_outcome`: right, honest or wrong, by fixed rules.
 
-A name is *sure* above 0.9. It is *false* if it is neither hidden in the log nor stands for something that is, by the
-table of look-alikes. A false sure name is a *part of the rest* where its torque is no larger than what has no name in
-that log, and *wrong* where it is larger or is no torque. A wider form of what is there (Stribeck for Coulomb friction)
-is not false while what it adds is below 0.3 % of the torque or the rest. A narrower form (Coulomb friction for
-Stribeck) is there, so it is not false either; but what it leaves out has then not been named.
+A reported effect is *sure* above a probability of 0.9. It is *false* if it is neither hidden in the log nor equivalent
+to a hidden effect by the table of confounded effects. A false sure effect is a *part of the rest* if its torque is no
+larger than the unmodelled torque of that log, and *wrong* if it is larger or is no torque. A more general effect
+(Stribeck for Coulomb friction) is not false while its excess is below 0.3 % of the torque or below the rest. A special
+case (Coulomb friction for Stribeck) is present, so it is not false either; but the hidden effect is then not reported.
 
-What a log cannot show nobody must name: an effect is *expected* where its lambda is above 60 and the torque that is
-missed without it is above the rest. Naming the others is no fault.
+Only effects that the log shows must be reported: an effect is *expected* if its lambda is above 60 and the torque that
+is missing without it is above the rest. Reporting the others is no fault.
 
-    crash    an error was raised, or there was no end
-    wrong    a false sure name that is no part of the rest
-    right    every expected effect is named for sure
-    honest   not so, and the verdict is "ambiguous" or "unknown"
-    missed   not so, and the verdict is "named" or "nothing_missing"
+    crash    an error was raised, or the time limit was reached
+    wrong    a false sure effect that is no part of the rest
+    right    every expected effect is sure
+    honest   otherwise, if the verdict is "ambiguous" or "unknown"
+    missed   otherwise, if the verdict is "named" or "nothing_missing"
 
-Where an effect was left out of the catalogue and is expected, only "unknown" or "ambiguous" is honest, and nothing is
-right. A measured current is late by its filter; that is no hidden effect, and naming it is right but not expected.
+If an expected effect was left out of the catalogue, only "unknown" or "ambiguous" is honest, and nothing is right. A
+measured current is delayed by its filter; that is no hidden effect: reporting it is right but not expected.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Any
 Outcome = dict[str, Any]
 SURE = 0.9
 TELLING = 60.0
-SMALL = 0.003  # of the torque
+SMALL = 0.003  # fraction of the torque
 NO_TORQUE = {
     *("input_delay", "actuator_lag", "rate_limit", "goal_rate_limit"),
     *("compliance", "backlash", "encoder_eccentricity", "sensor_lag", "torque_measurement_lag"),
@@ -39,7 +39,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "asymmetric_friction": ("coulomb_friction", "torque_offset"),
     "cable_stiffness": ("torque_offset",),
 }
-"""What an effect holds, so that it is there too."""
+"""Special cases of an effect, which are present with it."""
 _OVER: tuple[tuple[set[str], tuple[str, ...]], ...] = (
     ({"velocity"}, ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "quadratic_drag")),
     ({"angle"}, ("gravity_offset", "cable_stiffness", "cogging", "encoder_eccentricity", "end_stop")),
@@ -51,17 +51,20 @@ _OVER: tuple[tuple[set[str], tuple[str, ...]], ...] = (
     ({"time", "velocity"}, ("friction_drift",)),
 )
 VARIABLES = {name: variables for variables, names in _OVER for name in names}
-"""What a hidden effect depends on, as a diagnosis calls it: any of these is right. A constant depends on nothing."""
+"""Variables of a hidden effect, as a diagnosis reports them: any of these is right. A constant depends on none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """What an outcome is worth.
+    """Score of an outcome.
 
-    wrong, part: false sure names, larger than the rest and not. lost: expected effects that are not named for sure.
-    silent: nothing said of an expected effect that was left out; variable: whether the right one was told; None where
-    that is not asked. events: probabilities that were told, with whether they came true. unsaid: number of expected
-    effects of which nothing was said.
+    Attributes:
+        wrong, part: false sure effects, larger than the rest and not.
+        lost: expected effects that are not sure.
+        silent: whether nothing is reported on an expected effect that was left out; None if none was.
+        variable: whether its right variable is reported; None if none was left out or it has none.
+        events: reported probabilities, each with whether it is true.
+        unsaid: number of expected effects that are not mentioned.
     """
 
     category: str
@@ -79,7 +82,7 @@ class Score:
 
 
 def score(outcome: Outcome) -> Score:
-    """Of one log."""
+    """The score of one log."""
     left = outcome["left_out"]
     absent = [h for h in outcome["truth"] if h["name"] == left and _expected(h, outcome)]
     if "failed" in outcome:
@@ -111,7 +114,7 @@ def score(outcome: Outcome) -> Score:
 
 
 def _expected(hidden: dict[str, Any], outcome: Outcome) -> bool:
-    """Whether the log shows it plainly, and as more than a part of the rest."""
+    """Whether the log shows it clearly, and as more than a part of the rest."""
     return bool(hidden["visible"] >= TELLING and hidden["size"] > outcome["rest"])
 
 
@@ -120,7 +123,7 @@ def _found(hidden: dict[str, Any], named: set[str]) -> bool:
 
 
 def _true(told: dict[str, Any], outcome: Outcome) -> bool:
-    """Whether it is hidden there, or stands for what is; a measured current is filtered in each log that has one."""
+    """Whether it is hidden in the log or equivalent to a hidden effect; a measured current is always filtered."""
     if told["effect"] == "torque_measurement_lag":
         return bool(outcome["loop"] == "closed, current")
     if any(told["effect"] in (h["name"], *PARTS.get(h["name"], ())) for h in outcome["truth"]):
@@ -137,7 +140,7 @@ def _within_rest(told: dict[str, Any], outcome: Outcome) -> bool:
 
 
 def _mentioned(hidden: dict[str, Any], outcome: Outcome) -> bool:
-    """Whether it, or a name that stands for it, was told with any probability."""
+    """Whether it, or an equivalent effect, is reported with any probability."""
     alike = {hidden["name"], *(one for names in hidden["alike"] for one in names)}
     return any(
         effect in alike
@@ -147,7 +150,7 @@ def _mentioned(hidden: dict[str, Any], outcome: Outcome) -> bool:
 
 
 def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
-    """Every probability that was told, with whether it is true; those of names for one effect together."""
+    """Every reported probability, with whether it is true; those of equivalent effects are added."""
     told: dict[str, float] = {}
     for name in outcome["names"]:
         for effect, probability in ((name["effect"], name["probability"]), *name["alternatives"]):

@@ -1,4 +1,4 @@
-"""The table of outcomes: every row that is asked for, by kind of command, loop and rest, and each false name."""
+"""The table of outcomes: requirements, rates by kind of command, loop and rest, and each false effect."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from field_scoring import Outcome, Score, score
 
 CATEGORIES = ("right", "honest", "wrong", "missed", "crash")
-_UNSEEN = 1e-3  # probability of an expected effect that is not mentioned, in the log score
+_UNSEEN = 1e-3  # assumed probability of an expected effect that is not mentioned, in the log score
 Pair = tuple[Outcome, Score]
 
 
 def table(outcomes: Sequence[Outcome]) -> str:
-    """All of it as text."""
+    """The whole table as text."""
     pairs = [(outcome, score(outcome)) for outcome in sorted(outcomes, key=lambda o: o["seed"])]
     if not pairs:
         return "no outcomes"
@@ -60,7 +60,7 @@ def _row(title: str, pairs: list[Pair]) -> str:
 
 
 def _demands(pairs: list[Pair]) -> str:
-    """The demands on the whole, each with what it is asked to be."""
+    """The requirements, each with its target."""
     offered = [(o, s) for o, s in pairs if o["left_out"] is None]
     two = [s for o, s in offered if len(o["truth"]) == 2]
     clean = [(o, s) for o, s in pairs if not o["truth"]]
@@ -88,7 +88,7 @@ def _share(flags: Sequence[bool | None]) -> str:
 
 
 def _reliability(pairs: list[Pair]) -> str:
-    """Said against true, over all names of all logs."""
+    """Reported probability against true share, over all effects of all logs."""
     events = [event for _, found in pairs for event in found.events]
     if not events:
         return ""
@@ -132,7 +132,7 @@ def _lost(found: Score) -> tuple[tuple[str, ...], ...]:
 def _names(
     title: str, pairs: list[Pair], of: Callable[[Score], tuple[tuple[str, ...], ...]], heads: tuple[str, ...]
 ) -> str:
-    """How often each name occurs in each of several lists."""
+    """How often each effect occurs in each of several lists."""
     counts = [Counter(name for _, found in pairs for name in of(found)[k]) for k in range(len(heads))]
     names = sorted({name for count in counts for name in count}, key=lambda n: -sum(count[n] for count in counts))
     if not names:

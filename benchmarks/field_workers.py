@@ -1,7 +1,7 @@
-"""Work on many seeds in processes of their own, each with a limit: what hangs is ended, what crashes is told.
+"""Work on many seeds in separate processes, each with a limit: hanging processes are ended, crashes are reported.
 
-The limit is in seconds of the processor, so that a busy machine does not judge. The system ends a process at its limit,
-whatever it is doing; one that sleeps is ended after ten times as long on the clock.
+The limit is in seconds of processor time, so that other load on the machine has no influence. The system ends a process
+at its limit; one that sleeps is ended after ten times as long in wall-clock time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _CONTEXT = multiprocessing.get_context("spawn")
 
 
 class Worker:
-    """A process that takes one seed after the other."""
+    """A process that works on one seed after the other."""
 
     def __init__(self, work: Work, limit: float) -> None:
         self.limit = limit
@@ -49,10 +49,10 @@ def _serve(pipe: Connection, work: Work, limit: float) -> None:
 
 
 def results(seeds: Sequence[int], work: Work, processes: int, limit: float) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Each seed with what `work` returns, as it comes.
+    """Each seed with the result of `work`, as it comes.
 
-    A seed that takes longer than `limit` [s of the processor], or whose process dies, comes back as {"failed": ...},
-    and a new process goes on with the next.
+    A seed that takes longer than `limit` [s of processor time], or whose process dies, gives {"failed": ...}, and a new
+    process continues with the next seed.
     """
     left = list(reversed(seeds))
     workers = [Worker(work, limit) for _ in range(min(processes, len(left)))]
@@ -80,7 +80,7 @@ def results(seeds: Sequence[int], work: Work, processes: int, limit: float) -> I
 
 
 def _told(worker: Worker, ready: bool) -> dict[str, Any] | None:
-    """What a worker has to say, if anything."""
+    """The result of a worker, if there is one."""
     if ready:
         try:
             answer: dict[str, Any] = worker.pipe.recv()

@@ -1,4 +1,4 @@
-"""Do the fit's 95 % intervals hold the truth 95 times in 100? Seeded machines, one minute each.
+"""Coverage of the fit's 95 % intervals on randomly drawn machines, one minute each.
 
     python benchmarks/fit_coverage.py [logs]
 
@@ -32,7 +32,7 @@ def drawn(count: int, seed: int = 0) -> Array:
 
 
 def recorded(truth: Array, duration: float = 60.0, seed: int = 0) -> list[Log]:
-    """A log of each machine, with an input of its own."""
+    """A log of each machine, with a separate input."""
     inertia, gravity, friction, gap = truth.T
     machines = Machine(
         inertia=inertia, gravity=gravity, viscous_friction=friction, effects={"dead_zone": {"half_width": gap}}
@@ -42,7 +42,7 @@ def recorded(truth: Array, duration: float = 60.0, seed: int = 0) -> list[Log]:
 
 
 def estimated(log: Log) -> tuple[list[float], list[float], float, float]:
-    """Values, standard errors (nan where the fit gives none), bandwidth and seconds."""
+    """Values, standard errors (nan if the fit gives none), bandwidth and seconds."""
     begin = time.perf_counter()
     found = fit(log)
     seconds = time.perf_counter() - begin

@@ -1,13 +1,13 @@
-"""Axes with friction: what a model that knows it is worth, and beside it what others do.
+"""Axes with friction: the improvement by friction in the model, compared with other controllers.
 
     python benchmarks/friction_axes.py [number of axes]
 
-Every loop is closed on the rig. So many axes are drawn from the grid of inertia, sample time, kind and size of the
-friction and encoder; all are the whole grid, which takes hours. `ratio` is the error with the friction in the model
-over that of the same controller without it; the friction is told right, 30 % too low and too high. Where the ratio is
-above 1.05 and the error more than a twentieth of a count larger, eight seeds are run and the ratio of the means counts.
-The others (a cascade of P and PI, PD with a disturbance observer) are told the same friction, and the best of four
-tunings of each counts, for each task its own. Writes benchmarks/results/friction_axes.txt.
+Every loop is closed on the rig. The axes are randomly drawn from the grid of inertia, sample time, kind and size of the
+friction and encoder; the whole grid takes hours. `ratio` is the error with the friction in the model over that of the
+same controller without it; the friction in the model is exact, 30 % too low and too high. If the ratio is above 1.05
+and the error is larger by more than a twentieth of a count, eight seeds are run and the ratio of the means counts. The
+other controllers (a cascade of P and PI, PD with a disturbance observer) use the same friction; for each task the best
+of four tunings counts. Writes benchmarks/results/friction_axes.txt.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from mpc import Controller
 
 FACTORS = (1.0, 0.7, 1.3)
 FIRST, SEEDS = 100, 8
-DRAWN = 48  # axes by default; on a quarter of them the others are run
+DRAWN = 48  # axes by default; the other controllers are run on a quarter of them
 PEERS = ("cascade", "observed")
 
 
 def axes(count: int) -> list[Axis]:
-    """So many of the grid, drawn with a fixed seed; all of it if there are no more."""
+    """Some axes of the grid, drawn with a fixed seed; all of them if there are no more."""
     grid = itertools.product(INERTIAS, SAMPLE_TIMES, KINDS, SHARES, BITS)
     every = [Axis(inertia=J, sample_time=T, kind=kind, share=s, bits=b) for J, T, kind, s, b in grid]
     drawn = np.random.default_rng(38).permutation(len(every))[:count]
@@ -39,13 +39,15 @@ def axes(count: int) -> list[Axis]:
 
 
 def ours(axis: Axis, factor: float | None, task: str, seed: int = FIRST) -> Score:
-    """Our controller, nothing tuned by hand."""
+    """Our controller with its default tuning."""
     return score(axis, Controller(axis.model(factor), GEARS, **axis.options), TASKS[task], seed)
 
 
 def ratio(axis: Axis, factor: float, task: str, without: Score) -> tuple[float, float, Score]:
-    """Of the errors, of the means over eight seeds where one says that friction does harm; by how many counts it errs
-    more; and the first loop."""
+    """Ratio of the errors, difference of the errors in counts, and the first loop.
+
+    If one seed shows a deterioration by friction in the model, the errors are means over eight seeds.
+    """
     first = ours(axis, factor, task)
     known, unknown = first.rms, without.rms
     if known > 1.05 * unknown and known - unknown > 0.05 * 2 * np.pi / 2**axis.bits:
@@ -55,7 +57,7 @@ def ratio(axis: Axis, factor: float, task: str, without: Score) -> tuple[float, 
 
 
 def best_peer(axis: Axis, factor: float, kind: str, task: str) -> Score | None:
-    """The least error of a peer that keeps the teeth together."""
+    """The loop with the least error of a peer that keeps contact."""
     model = axis.model(factor)
     found = [
         score(axis, Peer(axis, model, feedback), TASKS[task], FIRST)
@@ -65,26 +67,26 @@ def best_peer(axis: Axis, factor: float, kind: str, task: str) -> Score | None:
 
 
 class Table:
-    """Lines that are printed and kept, each at once: a run that is cut short has told what it found."""
+    """Lines that are printed and saved immediately, so that an interrupted run leaves its results."""
 
     def __init__(self) -> None:
         self._path = Path(__file__).parent / "results" / "friction_axes.txt"
         self._path.write_text("")
 
     def say(self, line: str = "") -> None:
-        """One line more."""
+        """Add a line."""
         print(line, flush=True)
         with self._path.open("a") as file:
             file.write(line + "\n")
 
 
 def mean(values: list[float]) -> float:
-    """Geometric."""
+    """Geometric mean."""
     return float(np.exp(np.mean(np.log(values)))) if values else float("nan")
 
 
 def knowledge(table: Table, chosen: list[Axis]) -> dict[tuple[Axis, str, float], Score]:
-    """Ratios over axes; the loops by axis, task and factor."""
+    """Ratios over axes; returns the loops by axis, task and factor."""
     table.say("Error without friction in the model [mrad], then ratios for 1, 0.7, 1.3 of it")
     ratios: dict[tuple[str, float], list[float]] = {}
     harm: dict[str, list[str]] = {}
@@ -118,7 +120,7 @@ def knowledge(table: Table, chosen: list[Axis]) -> dict[tuple[Axis, str, float],
 
 
 def others(table: Table, chosen: list[Axis], factor: float, loops: dict[tuple[Axis, str, float], Score]) -> None:
-    """Our error over that of each peer, all of which are told so much of the friction."""
+    """Our error over that of each peer, with the same friction in the model."""
     told = f"{len(chosen)} axes, {factor:g} of the friction in the model"
     table.say(f"Against others: {told}; error of the best tuning [mrad] and ours over it")
     ratios: dict[tuple[str, str], list[float]] = {}
@@ -147,7 +149,7 @@ def others(table: Table, chosen: list[Axis], factor: float, loops: dict[tuple[Ax
 
 
 def main() -> None:
-    """48 axes take a quarter of an hour of one core."""
+    """48 axes take a quarter of an hour on one core."""
     warnings.simplefilter("ignore")  # python-control on poles near the unit circle
     table, begin = Table(), time.perf_counter()
     chosen = axes(int(sys.argv[1]) if sys.argv[1:] else DRAWN)

@@ -1,4 +1,4 @@
-"""The axes of `friction_axes.py`: machines with friction on the rig, what they are told to do, and how it is scored."""
+"""The axes of `friction_axes.py`: machines with friction on the rig, their tasks, and their scores."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ GEARS = GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
 MIN_TORQUE, MAX_TORQUE = 0.02, 0.3
 GREATEST = 161 / 20 * (MAX_TORQUE - MIN_TORQUE)  # at the load [N m]
 INERTIAS, SAMPLE_TIMES, BITS = (0.02, 0.2, 2.0), (0.001, 0.002, 0.005), (13, 17, 20)
-SHARES = (0.05, 0.2, 0.5)  # breakaway in units of the greatest torque
+SHARES = (0.05, 0.2, 0.5)  # breakaway torque in units of the greatest torque
 KINDS = ("coulomb", "stribeck", "asymmetric", "motor", "load", "delay")
 MOTOR_FRICTION = 5e-4  # of each motor at its shaft [N m]
-DELAY = 0.004  # of the encoder where there is one [s]
-FLOOR = MIN_TORQUE * 161 / 20  # least torque of a flank [N m]
+DELAY = 0.004  # of the encoder of the kind "delay" [s]
+FLOOR = MIN_TORQUE * 161 / 20  # minimum torque of a flank [N m]
 STEP, DWELL = 0.01, 0.8  # of the small steps [rad], [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """A load with friction behind the final mesh, and how often it is seen and told.
+    """A load with friction at the output gear, and its measurement.
 
     Attributes:
         inertia: of the load [kg m^2].
         sample_time: [s].
-        kind: "coulomb"; "stribeck": sliding takes 0.55 of what breaking away takes; "asymmetric": backward half of what
-            forward takes; "motor": the motors rub, not the load; "load": the teeth rub by what they pass, the share
-            being of that; "delay": Coulomb, and readings that are old.
+        kind: "coulomb"; "stribeck": sliding friction is 0.55 of breakaway; "asymmetric": backward half of forward;
+            "motor": friction of the motors, not of the load; "load": friction in the mesh in proportion to the
+            transmitted torque, with `share` as the coefficient; "delay": Coulomb friction, and delayed measurements.
         share: breakaway torque in units of the greatest torque.
         bits: of the encoder.
     """
@@ -59,7 +59,7 @@ class Axis:
         return self.share * GREATEST
 
     def rig(self) -> Rig:
-        """The machine; a friction that is not the same in both senses is one that is, and a constant torque."""
+        """The machine; asymmetric friction is symmetric friction plus a constant torque."""
         top, rubs = self._top, {"motor_coulomb": MOTOR_FRICTION}
         match self.kind:
             case "stribeck":
@@ -92,7 +92,7 @@ class Axis:
         return self._top / (2 * 161 / 20) if self.kind == "motor" else MOTOR_FRICTION
 
     def model(self, factor: float | None) -> ServoModel:
-        """What the controller is told: friction times a factor, or none; the delay it knows in any case."""
+        """The controller's model: friction times a factor, or none; the delay is always known."""
         top, share = (factor or 0.0) * self._top, (factor or 0.0) * self.share
         told: dict[str, tuple[Effect, ...]] = {
             "stribeck": (StribeckFriction(coulomb=0.55 * top, excess=0.45 * top, velocity=0.05),),
@@ -106,7 +106,7 @@ class Axis:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What a controller of this axis is told besides."""
+        """Further attributes of the controller of this axis."""
         return {
             "sample_time": self.sample_time,
             "min_torque": MIN_TORQUE,
@@ -125,15 +125,15 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What the load is to do.
+    """Task of the load.
 
     Attributes:
-        reference: wanted angle over time.
+        reference: reference angle over time.
         duration: [s].
-        counts: (M,) times to which of them count.
-        push: torque on the load over time, in units of what makes it move.
-        announced: whether the reference is known ahead. A set-point that is would be gone to before its time, and
-            that counts the more, the less the load sticks.
+        counts: (M,) times -> which of them count.
+        push: torque on the load over time, in units of the torque that makes it move.
+        announced: whether the reference is known ahead. With a known set-point the load would move before its time, the
+            more so the less it sticks, and that would count as an error.
     """
 
     reference: Callable[[Array], Array]
@@ -163,11 +163,11 @@ TASKS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """What a loop was worth.
+    """Score of a loop.
 
     Attributes:
-        rms: of the true angle less the wanted one [rad].
-        flank: least flank torque [N m].
+        rms: of the true angle less the reference [rad].
+        flank: minimum flank torque [N m].
         chatter: standard deviation of the torque's change from sample to sample [N m].
         degraded: share of the samples whose status was not "optimal".
     """
@@ -179,22 +179,22 @@ class Score:
 
 
 class Surprised:
-    """A controller that is told of the reference what holds now."""
+    """A controller that only gets the present value of the reference."""
 
     def __init__(self, controller: Any) -> None:
         self._controller = controller
 
     def __getattr__(self, name: str) -> Any:
-        """All else is the controller's."""
+        """All other attributes are the controller's."""
         return getattr(self._controller, name)
 
     def step(self, angle: float, reference: Array, motors: object = None) -> Any:
-        """As the controller does it, with a number for a reference."""
+        """A step of the controller with a single number as the reference."""
         return self._controller.step(angle, float(reference[0]), motors)
 
 
 def score(axis: Axis, controller: Any, task: Task, seed: int) -> Score:
-    """Close the loop around anything that steps as a `Controller` does."""
+    """Close the loop with any object that has the `step` of a `Controller`."""
     time = np.arange(round(task.duration / axis.sample_time)) * axis.sample_time
     moving = (axis.share + 0.1) * GREATEST
     told = controller if task.announced else Surprised(controller)

@@ -1,7 +1,7 @@
-"""What others do on the axes of `friction_axes.py`: a cascade of P and PI, and PD with a disturbance observer.
+"""Other controllers on the axes of `friction_axes.py`: a cascade of P and PI, and PD with a disturbance observer.
 
-Both follow the reference of our governor, have the same split of the torque, and are given velocity, acceleration,
-gravity and friction of the model ahead. Their feedback is a linear controller on the error, tuned by search.
+Both follow the reference of our governor, use the same torque allocation, and have feed-forward of velocity,
+acceleration, gravity and friction of the model. Their feedback is a linear controller on the error, tuned by a search.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from plant.effects import Moment
 
 Array = NDArray[np.float64]
 BOUNDS = Bounds(gears=GEARS, min_torque=MIN_TORQUE, max_torque=MAX_TORQUE, rotor_inertia=4e-6, motor_friction=5e-4)
-FLOOR = MIN_TORQUE * 161 / 20  # least flank torque: no faster does what is given against friction change [N m]
+FLOOR = MIN_TORQUE * 161 / 20  # minimum flank torque: limit on the change of the friction feed-forward per sample [N m]
 PEAK, CHATTER = 2.0, 0.125 * FLOOR
-"""Limits of the search, those of `mpc.tuning`: peak sensitivity, and change of the torque for noise of the encoder."""
+"""Limits of the search, as in `mpc.tuning`: peak sensitivity, and change of the torque due to encoder noise."""
 
 
 @dataclass(eq=False)
@@ -33,8 +33,8 @@ class Peer:
     """Feed-forward and a linear feedback on the error.
 
     Attributes:
-        axis: what it drives.
-        model: what it is told of it.
+        axis: machine to control.
+        model: model of the machine.
         feedback: (error [rad]) -> torque [N m], discrete.
     """
 
@@ -57,7 +57,7 @@ class Peer:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was before."""
+        """Reset the state."""
         self._state = np.zeros(self.feedback.nstates)
         self._governor.path[:] = 0.0
         self._last_speed = self._rubs = 0.0
@@ -68,7 +68,7 @@ class Peer:
         return float(forward), float(backward)
 
     def step(self, angle: float, reference: Array, motors: object = None) -> Control:
-        """The measured angle in, the pinion torques out."""
+        """From the measured angle to the pinion torques."""
         references = np.broadcast_to(np.asarray(reference, dtype=np.float64), (self.horizon + 1,))
         path, dt = self._governor.govern(references, self._limits), self.sample_time
         speed, later = (path[1] - path[0]) / dt, (path[2] - path[1]) / dt
@@ -81,7 +81,7 @@ class Peer:
         self._last_speed = speed
         error, (A, B, C, D), (low, high) = path[0] - angle, self._K, self._reach
         torque = ahead + float(C @ self._state + D * error)
-        if low < torque < high:  # else what it remembers stands still
+        if low < torque < high:  # otherwise the state is frozen (anti-windup)
             self._state = A @ self._state + B * error
         torques = least_effort(self.bounds, float(np.clip(torque, low, high)))
         return Control(np.array([0.0, 0.0, 0.0, *torques, *path[:2]]))
@@ -96,8 +96,8 @@ def cascade(J: float, w: float, dt: float, integral: float) -> Any:
 
 
 def observed(J: float, w: float, dt: float, faster: float) -> Any:
-    """PD with a disturbance observer: three poles of the observer at `faster` w, two of the law at w."""
-    A = np.array([[1, dt, dt**2 / 2 / J], [0, 1, dt / J], [0, 0, 1.0]])  # error, its rate, disturbing torque on it
+    """PD with a disturbance observer: three observer poles at `faster` w, two poles of the law at w."""
+    A = np.array([[1, dt, dt**2 / 2 / J], [0, 1, dt / J], [0, 0, 1.0]])  # error, its rate, disturbance torque
     B = np.array([[-(dt**2) / 2 / J], [-dt / J], [0.0]])
     row = np.array([[1.0, 0.0, 0.0]])
     pole = np.exp(-faster * w * dt)
@@ -125,7 +125,7 @@ def admitted(axis: Axis, J: float, feedback: Any) -> bool:
 
 
 def candidates(axis: Axis, J: float, kind: str) -> Iterator[Any]:
-    """Feedbacks of two shapes: the fastest that is admitted, and a slower one."""
+    """Feedbacks of two shapes: the fastest that is within the limits, and a slower one."""
     make, shapes = (cascade, (0.1, 0.25)) if kind == "cascade" else (observed, (2.0, 4.0))
     for shape in shapes:
         low, high = 1e-3 * np.pi / axis.sample_time, np.pi / axis.sample_time

@@ -1,6 +1,6 @@
-"""How often the door turns away a right log, and how often it notices a reversed sign, degrees, a speed for a torque.
+"""Rates at which valid logs are refused, and at which reversed signs, degrees and speeds for torques are detected.
 
-300 drawn logs (`tests/valid_logs.py`): ten kinds of experiments on as many machines, one log in five with two motors.
+300 drawn logs (`tests/valid_logs.py`): ten kinds of experiments on different machines, one log in five with two motors.
 Run it with `python benchmarks/log_acceptance.py`; it takes about ten minutes. It writes
 `benchmarks/results/log_acceptance.txt`.
 """
@@ -26,7 +26,7 @@ COLUMNS = ("right", "brakes", "reversed", "one of two", "in degrees", "speed")
 
 
 def main() -> None:
-    """Draw, ask, count, and write the table."""
+    """Draw the logs, read them, count, and write the table."""
     drawn = draw(COUNT, SEED)
     asked: dict[str, Counter[str]] = {name: Counter() for name in COLUMNS}
     told: dict[str, Counter[str]] = {name: Counter() for name in COLUMNS}
@@ -69,7 +69,7 @@ def main() -> None:
 
 
 def _read(columns: Mapping[str, np.ndarray], gears: Ratio) -> Log | None:
-    """The log of these columns, None where it is refused for another reason."""
+    """The log of these columns, None if it is refused for another reason."""
     try:
         return Log.from_arrays(**columns, gears=gears)
     except MalformedLog:

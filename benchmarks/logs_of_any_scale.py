@@ -1,9 +1,9 @@
-"""Does every log end in a result or in one sentence? Machines, commands and mishaps drawn from a seed.
+"""Every log must end in a result or in a one-sentence error: test with randomly drawn machines, commands and faults.
 
     python benchmarks/logs_of_any_scale.py [logs] [processes] [most samples of a log] [fits]
 
-With `fits` the diagnosis is left out. Prints a line for each log at fault, and the table, which it writes to
-benchmarks/results/rough_logs.txt, or rough_fits.txt; also of the logs so far, from time to time.
+With `fits` the diagnosis is left out. Prints a line for each failure, and the table. The table is written to
+benchmarks/results/rough_logs.txt, or rough_fits.txt, also at intervals during the run.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).parent
-_SAVED = 50  # logs after which the table is written
+_SAVED = 50  # logs between two writes of the table
 sys.path.insert(0, str(HERE.parent / "tests"))
 
 from rough_log_outcome import Tried, diagnosed, identified  # noqa: E402
@@ -29,7 +29,7 @@ def tried(seed: int, longest: int, both: bool) -> tuple[RoughLog, *tuple[Tried, 
 
 
 def table(what: str, results: list[tuple[RoughLog, Tried]]) -> str:
-    """Counts of outcomes and of faults, and the slowest."""
+    """Counts of outcomes and of failures, and the slowest log."""
     outcomes = Counter(":".join(t.outcome.split(":")[:2])[:110] for _, t in results)
     faults = Counter(fault.split(":")[0] for _, t in results for fault in t.faults)
     slowest = max(results, key=lambda pair: pair[1].seconds / pair[1].allowed)
@@ -46,7 +46,7 @@ def table(what: str, results: list[tuple[RoughLog, Tried]]) -> str:
 
 
 def tables(results: list[tuple[RoughLog, *tuple[Tried, ...]]], of: str) -> str:
-    """What became of the fits and the diagnoses so far."""
+    """Results of the fits and the diagnoses so far."""
     parts = [table("identify", [(found[0], found[1]) for found in results])]
     if len(results[0]) > 2:
         parts.append(table("diagnose with two candidates", [(found[0], found[2]) for found in results]))

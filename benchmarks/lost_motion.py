@@ -1,9 +1,9 @@
-"""Is the gap that a sweep of the preload tells within 5 %, and does its standard error hold? Machines of the rig.
+"""Accuracy of the backlash from a preload sweep (is it within 5 %?), and coverage of its standard error, on the rig.
 
     python benchmarks/lost_motion.py [machines]
 
-Each row is a fleet of machines whose loads hang differently, and so lie at different places within a count of their
-encoder. Prints the table and writes it to benchmarks/results/lost_motion.txt.
+Each row is a fleet of machines with different gravity torques, and thus with different positions within a count of
+their encoder. Prints the table and writes it to benchmarks/results/lost_motion.txt.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from plant.rig import Rig
 
 ARCMIN = np.pi / 180 / 60
 CREEP = 1e-4  # [rad/s]
-# gap [arcmin], bits at the load, bits at the motors, noise [rad], creep [rad/s], visits of 2 s
+# backlash [arcmin], bits at the load, bits at the motors, noise [rad], creep [rad/s], visits of 2 s
 ROWS = (
     (0.1, 17, 17, 1e-6, CREEP, 20),
     (0.1, 17, 17, 5e-6, CREEP, 20),

@@ -1,15 +1,15 @@
-"""The controller, which only knows the nominal machine, on 1,000 machines whose parameters are up to 20 % off.
+"""The controller with the nominal model on 1,000 machines whose parameters differ by up to 20 %.
 
     python benchmarks/monte_carlo.py [runs] [processes]
 
-The machine is that of the preload formulas: load 0.4 kg m^2, rotors of 0.15 kg m^2 each seen from the load, a load that
-hangs and is swung up and back. A flank that is planned to keep T_min loses at most
+The machine is that of the preload formulas: load 0.4 kg m^2, rotors of 0.15 kg m^2 each at the load side, a hanging
+load that is moved up and back. A flank with planned torque T_min loses at most
 
-    what it loses on the nominal machine       motor friction f, corrections of the torque, teeth that vibrate
-    + spread (n^2 J_m a + f)                   rotors and friction beyond what is known
+    its loss on the nominal machine            motor friction f, corrections of the torque, vibration of the gears
+    + spread (n^2 J_m a + f)                   unknown part of rotor inertia and friction
 
-at the greatest acceleration a: that of the reference, or near the edge, where the load lags and then catches up, what
-all torque and gravity give together. Writes benchmarks/results/monte_carlo.txt.
+at the greatest acceleration a. That is the acceleration of the reference; near the limit, where the load lags and then
+catches up, it is that of the total torque plus gravity. Writes benchmarks/results/monte_carlo.txt.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from mpc import Controller, MonteCarlo, closed_loop, monte_carlo
 from plant import GearTrain, Rig, ServoModel
 
 GEARS = GearTrain.paper()
-ROTOR = 0.15  # seen from the load [kg m^2]
+ROTOR = 0.15  # at the load side [kg m^2]
 MOTOR = ROTOR / GEARS.ratio**2
 RIG = Rig(gears=GEARS, inertia=0.4, gravity=12.0, viscous_friction=0.2, coulomb_friction=0.2, rotor_inertia=MOTOR)
 MODEL = ServoModel(inertia=RIG.total_inertia, gravity=12.0, viscous_friction=0.2)
 MAX_TORQUE = 2.5
 SPREAD, DURATION, DT = 0.2, 2.0, 0.005
-GOVERNED = 0.85  # share from which the governed reference lags behind, to catch up with all that the drives have
+GOVERNED = 0.85  # share from which the governed reference lags behind and then catches up with full torque
 MESH = float(GEARS.mesh_ratios[0])
 
 
 def swing(acceleration: float) -> NDArray[np.float64]:
-    """From hanging up to the horizontal and back, with that greatest acceleration [rad/s^2]."""
+    """From the hanging position to the horizontal and back, with that greatest acceleration [rad/s^2]."""
     time = np.arange(round(DURATION / DT) + 50) * DT
     amplitude = np.pi / 4
     return -np.pi / 2 + amplitude * (1 - np.cos(np.sqrt(acceleration / amplitude) * np.maximum(time - 0.1, 0.0)))
 
 
 def edge(least: float) -> float:
-    """Greatest acceleration of the hanging load with teeth that stay together [rad/s^2]."""
+    """Greatest acceleration of the hanging load without loss of contact [rad/s^2]."""
     allocator = Allocator(GEARS, min_torque=least, max_torque=MAX_TORQUE, rotor_inertia=MOTOR)
     found = capability_map(
         allocator, inertia=RIG.total_inertia, acceleration=np.linspace(-40, 40, 801), load_torque=[0.0]
@@ -57,13 +57,13 @@ def edge(least: float) -> float:
 
 
 def catching_up(floor: float) -> float:
-    """Greatest acceleration of any of the machines, those with heavy rotors: down, with full torque [rad/s^2]."""
+    """Greatest acceleration of any machine, that of heavy rotors: downward, with full torque [rad/s^2]."""
     most, least = 1 + SPREAD, 1 - SPREAD
     return (MESH * (MAX_TORQUE - floor) + most * RIG.gravity) / (least * RIG.inertia + most * 2 * ROTOR)
 
 
 def row(share: float, least: float, rotors: bool, runs: int, executor: Executor | None) -> list[str]:
-    """So many machines swung with a share of the acceleration that the nominal one has at T_min [N m], in lines."""
+    """Lines for many machines moved with a share of the nominal machine's greatest acceleration at T_min [N m]."""
     floor = least / MESH
     acceleration = share * edge(floor)
     design = partial(
@@ -90,7 +90,7 @@ def row(share: float, least: float, rotors: bool, runs: int, executor: Executor 
 
 
 def why(found: MonteCarlo) -> str:
-    """Which parameters the least flank torque goes with, by rank."""
+    """Parameters with the highest rank correlation with the minimum flank torque."""
     ranks = np.argsort(np.argsort(found.factors, axis=0), axis=0)
     own = np.argsort(np.argsort(found.least_flank_torque))
     with_it = {name: np.corrcoef(r, own)[0, 1] for name, r in zip(found.names, ranks.T, strict=True)}

@@ -1,9 +1,9 @@
-"""What limits of angle, speed and torque rate cost in time, and how well they are kept.
+"""Computing time with limits of angle, speed and torque rate, and how well the limits are kept.
 
     python benchmarks/mpc_limits.py
 
-A sine and a jump that go beyond the limits, on a servo that moves as its model says, for the times; and on the rig,
-with noise, friction and teeth, for how well they are kept. Writes benchmarks/results/mpc_limits.txt.
+A sine and a step that exceed the limits: on a servo that equals its model, for the times; and on the rig, with noise,
+friction and backlash, for the violations. Writes benchmarks/results/mpc_limits.txt.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LIMITS: dict[str, dict[str, Any]] = {
     "all three": {"angle_limits": (-0.2, 0.2), "speed_limit": 0.3, "torque_rate": 20.0},
 }
 BORNE: dict[str, dict[str, Any]] = {"speed 0.3, rate 80": {"speed_limit": 0.3, "torque_rate": 80.0}}
-"""A torque that changes in a sample by no more than what presses the teeth, 0.05 N m at the pinion."""
+"""A change of the torque in a sample that does not exceed the minimum contact torque, 0.05 N m at the pinion."""
 
 REFERENCES: tuple[Callable[[Array], Array], ...] = (
     lambda t: 0.4 * np.sin(2 * np.pi * 0.5 * t),
@@ -42,7 +42,7 @@ REFERENCES: tuple[Callable[[Array], Array], ...] = (
 
 
 def timed(horizon: int, options: dict[str, Any]) -> tuple[Array, int, int]:
-    """Times of the steps [s], how many of them met limits that push back, and how many were not optimal."""
+    """Times of the steps [s], number of steps with active limits, and number of steps that were not optimal."""
     step, times, pushed, degraded = sample_step(PAPER, substeps=4), [], 0, 0
     for reference in REFERENCES:
         controller = Controller(PAPER, GEARS, horizon=horizon, **options)
@@ -61,7 +61,7 @@ def timed(horizon: int, options: dict[str, Any]) -> tuple[Array, int, int]:
 
 
 def kept(options: dict[str, Any]) -> str:
-    """On the rig, 6 s of a sine and a jump each: the extremes, and what is left of the preload."""
+    """On the rig, 6 s each of a sine and a step: the extreme values, and the minimum contact torque."""
     angle, speed, rate, flank, degraded = 0.0, 0.0, 0.0, np.inf, 0
     for reference in REFERENCES:
         loop = closed_loop(Controller(OF_RIG, GEARS, min_torque=0.05, **options), RIG, reference, 6.0, seed=0)

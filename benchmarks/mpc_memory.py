@@ -1,8 +1,8 @@
-"""Memory of a controller over many steps.
+"""Memory use of a controller over many steps.
 
     python benchmarks/mpc_memory.py [steps]
 
-Prints the resident memory of the process at ten moments and writes benchmarks/results/mpc_memory.txt.
+Prints the resident memory of the process at ten instants and writes benchmarks/results/mpc_memory.txt.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A controller through 125,000 samples of mishaps: readings, references, estimates, solvers and drives that fail.
+"""A controller through 125,000 faulty samples: measurements, references, estimates, solvers and drives that fail.
 
     python benchmarks/mpc_never_lost.py [samples]
 
-At each sample the torques of the whole horizon must keep their bounds to the last bit and the status must be honest;
-after each mishap the controller must come back. Writes benchmarks/results/mpc_never_lost.txt.
+At each sample the torques of the whole horizon must keep their bounds exactly and the status must be correct; after
+each fault the controller must recover. Writes benchmarks/results/mpc_never_lost.txt.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MODELS: dict[str, tuple[ServoModel, dict[str, Any]]] = {
 
 
 def lived(name: str, count: int) -> list[str]:
-    """A controller through so many samples of mishaps, in lines."""
+    """Lines for a controller through a number of faulty samples."""
     model, options = MODELS[name]
     controller = Controller(model, GEARS, **options)
     broken, met, back = Counter[str](), Counter[str](), dict.fromkeys(MISHAPS, 0)

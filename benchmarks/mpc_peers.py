@@ -1,8 +1,8 @@
-"""Other solvers in the place of ours: each gets the program of a step and hands back the change of the torques.
+"""Other solvers in place of ours: each gets the quadratic program of a step and returns the change of the torques.
 
-They are timed for their own call alone; what it takes to bring the program into their form is not counted. A peer
-that is not installed is named as such (`pip install 'antidrive[bench]'`; acados is compiled from source, and found by
-its variable ACADOS_SOURCE_DIR and its Python package `acados_template`).
+Only their own call is timed, without the conversion of the program into their form. A peer that is not installed is
+listed as such (`pip install 'antidrive[bench]'`; acados is compiled from source, and found by its variable
+ACADOS_SOURCE_DIR and its Python package `acados_template`).
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ Array = NDArray[np.float64]
 class Peer:
     """Solves a controller's programs in place of its own solver.
 
-    Notes how long each took [s], and how far an answer was beyond its bounds [N m].
+    It records the time of each [s], and the largest violation of the bounds [N m].
 
     Attributes:
-        timed: what is timed, in words for the table.
+        timed: description of the timed part, for the table.
     """
 
     timed = "its own call"
@@ -58,7 +58,7 @@ class Peer:
         self.times.append(time.perf_counter() - begin)
         bounds = self.program.bounds
         self.beyond = max(self.beyond, float(np.max(bounds[:, 1] - e)), float(np.max(e - bounds[:, 2])))
-        bounds[:, 0], bounds[:, 1], bounds[:, 2] = -1.0, e, e  # what follows from it is found by our own sweep
+        bounds[:, 0], bounds[:, 1], bounds[:, 2] = -1.0, e, e  # our own sweep computes everything that follows from it
         self.program.sweep()
         return 0.0
 
@@ -74,7 +74,7 @@ class Peer:
 
 
 class Condensed(Peer):
-    """The torques alone as variables, dense."""
+    """Only the torques as variables, dense."""
 
     def condensed(self) -> tuple[Array, Array, Array, Array]:
         """H (N, N) and g (N,) of the cost e'He/2 + g'e, and the bounds (N,) of e."""
@@ -89,7 +89,7 @@ class Condensed(Peer):
 
 
 class Daqp(Condensed):
-    """Warm from the plan."""
+    """DAQP, warm-started from the plan."""
 
     def prepared(self) -> Callable[[], Array]:
         import daqp
@@ -100,7 +100,7 @@ class Daqp(Condensed):
 
 
 class Conic(Condensed):
-    """A solver that comes with CasADi, warm from the plan."""
+    """A solver that comes with CasADi, warm-started from the plan."""
 
     plugin: str
     options: dict[str, object]
@@ -219,7 +219,7 @@ class Piqp(Sparse):
 
 
 class DoMpc(Peer):
-    """The nonlinear program with do-mpc's model, its discrete form and IPOPT as it comes."""
+    """The nonlinear program with do-mpc's model, its discrete form and IPOPT with default settings."""
 
     def __init__(self, controller: Controller) -> None:
         super().__init__(controller)
@@ -271,10 +271,10 @@ class DoMpc(Peer):
 
 
 class Acados(Peer):
-    """Real-time iteration with HPIPM on the same model, best settings: discrete, full condensing, warm.
+    """Real-time iteration with HPIPM on the same model, best settings: discrete, full condensing, warm start.
 
-    Three calls for all stages together: the parameters in, the solve from the state, the torques out. Written after its
-    documentation, and not run yet, for it has to be compiled from source.
+    Three calls for all stages together: set the parameters, solve from the state, get the torques. Written from its
+    documentation and not run yet, as acados must be compiled from source.
     """
 
     timed = "3 calls"
@@ -285,7 +285,7 @@ class Acados(Peer):
 
         predictor, n = controller.estimator.predictor, self.n
         z, tau, last = ca.SX.sym("z", n), ca.SX.sym("tau"), ca.SX.sym("last")
-        p = ca.SX.sym("p", 3)  # wanted angle, wanted speed, disturbance
+        p = ca.SX.sym("p", 3)  # reference angle, reference speed, disturbance
         ahead = predictor.stage(z, ca.vertcat(tau, last) + p[2], predictor.parameters)[0]
         model, ocp = AcadosModel(), AcadosOcp()
         model.name, model.x, model.u, model.p = f"peer_{self.N}", ca.vertcat(z, last), tau, p
@@ -328,7 +328,7 @@ class Acados(Peer):
 
 
 class AcadosLoop(Acados):
-    """The same through the loop that its examples use: a call for each stage, by ctypes."""
+    """The same with the loop of its examples: one ctypes call per stage."""
 
     timed = "ctypes"
 

@@ -1,12 +1,12 @@
-"""Random programs of the controller against an independent solver, from hostile starts, and how long they take.
+"""Random quadratic programs of the controller against an independent solver, from unfavourable starts, with times.
 
     python benchmarks/mpc_quadratic_programs.py [count]
 
-Half of them have random dynamics, half are a servo far from where it should be, whose active set may cycle. Each starts
-from a random guess of the active bounds. The last three kinds are such a servo with a torque rate and soft limits of
-angle and speed, often begun beyond them. Needs DAQP (`pip install 'antidrive[bench]'`) and a C compiler. DAQP's answers
-are certified too: where it is not optimal, a third solver decides; with limits costs are compared, for DAQP's slacks
-blur the torques. Writes benchmarks/results/mpc_quadratic_programs.txt.
+Half of them have random dynamics, half are a servo far from its reference, whose active set may cycle. Each starts from
+a random guess of the active bounds. The last three kinds are such a servo with a torque rate and soft limits of angle
+and speed, often violated at the start. Needs DAQP (`pip install 'antidrive[bench]'`) and a C compiler. DAQP's answers
+are checked too: if one is not optimal, a third solver decides. With limits the costs are compared, because DAQP's
+slacks make the torques inexact. Writes benchmarks/results/mpc_quadratic_programs.txt.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 from random_quadratic_programs import Array, Fences, Solver, Stages, fenced_stages, random_stages, servo_stages
 
-WRONG = 1e-6  # of the range of the torques
+WRONG = 1e-6  # fraction of the range of the torques
 SHAPES = ((2, 20), (2, 50), (3, 30), (4, 30))  # states, samples
 FENCED = (20, 30, 50)  # samples
-SHARE = 0.1  # of the programs have limits
+SHARE = 0.1  # fraction of the programs, with limits
 
 
 def violation(H: Array, g: Array, stages: Stages, e: Array) -> float:
-    """Of the optimality conditions, in the unit of e."""
+    """Violation of the optimality conditions, in the unit of e."""
     moved = np.clip(e - (H @ e + g) / np.diag(H), stages.low, stages.high)
     return float(np.max(np.abs(e - moved)))
 
@@ -50,18 +50,18 @@ def by_least_squares(R: Array, target: Array, stages: Stages) -> Array:
 
 
 def excess(stages: Stages, fences: Fences, e: Array) -> Array:
-    """(N, 3) by how much each number leaves its interval."""
+    """(N, 3) by how much each quantity is outside its interval."""
     q = fences.rows(stages) @ e
     return np.maximum(np.maximum(fences.ends[..., 0] - q, q - fences.ends[..., 1]), 0.0)
 
 
 def cost(H: Array, g: Array, stages: Stages, fences: Fences, e: Array) -> float:
-    """With the price of what is left of the limits."""
+    """Cost, including the penalty of the remaining violation of the limits."""
     return float(0.5 * e @ H @ e + g @ e + np.sum(excess(stages, fences, e)[:, 1:] * fences.prices[1:]))
 
 
 def by_daqp_with_slacks(H: Array, g: Array, stages: Stages, fences: Fences) -> Array:
-    """Each soft interval has a slack, in units of torque."""
+    """Each soft interval has a slack variable, in units of torque."""
     N, rows = g.size, fences.rows(stages)
     units = np.tile(fences.moved[1:], N)
     soft, ends = rows[:, 1:].reshape(-1, N) / units[:, None], fences.ends[:, 1:].reshape(-1, 2) / units[:, None]
@@ -78,7 +78,7 @@ def by_daqp_with_slacks(H: Array, g: Array, stages: Stages, fences: Fences) -> A
 
 
 def fenced(N: int, count: int) -> str:
-    """Programs with limits, in a line."""
+    """Result of programs with limits, in a line."""
     solver, rng = Solver(2, N, fenced=True), np.random.default_rng(N)
     times, worst, wrong, uncertified, theirs_wrong, active = np.empty(count), 0.0, 0, 0, 0, 0
     for k in range(count):
@@ -100,7 +100,7 @@ def fenced(N: int, count: int) -> str:
         theirs = by_daqp_with_slacks(H, g, stages, fences)
         best, found = (cost(H, g, stages, fences, e) for e in (theirs, ours))
         scale = abs(best) + float(np.max(np.diag(H)))
-        broken = float(np.max(excess(stages, fences, ours)[:, 0]))  # a rate is hard
+        broken = float(np.max(excess(stages, fences, ours)[:, 0]))  # the rate is a hard limit
         theirs_wrong += best > found + WRONG * scale
         wrong += found > best + WRONG * scale or broken > WRONG
         worst = max(worst, broken, (found - best) / scale)
@@ -131,7 +131,7 @@ def main() -> None:
             stages = random_stages(rng, n, N, hardness) if k % 2 or n > 2 else servo_stages(rng, N, hardness)
             guess = rng.integers(-1, 2, N)
             answers = []
-            for repeat in range(5):  # the least: the machine may be busy with other things
+            for repeat in range(5):  # the least of several times: the machine may be busy
                 solver.load(stages, guess)
                 begin = time.perf_counter()
                 residual = solver.machine_code()

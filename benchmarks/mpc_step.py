@@ -1,14 +1,13 @@
-"""Time of one controller step, as called from Python, in closed loop on the paper's plant, beside other solvers.
+"""Time of one controller step, called from Python, in closed loop on the paper's plant, compared with other solvers.
 
     python benchmarks/mpc_step.py
 
 Every solver gets the same programs, 500 of them on a sine that saturates the torques and 500 on a step. Our rows are
-the whole step, estimator and status included, and the torques read from its answer; those of the peers are their own
-call alone, except do-mpc, whose call is the whole of its step. Each run is repeated, and of each of its steps the least
-time counts, for the machine may be busy with other things: the loop is the same each time, so what is left of the
-spread is that of the programs. The cost is that of the closed loop, against sequential quadratic programming to
-convergence in each step; "beyond" is how far a torque was handed out beyond its bounds. Prints the tables and writes
-them to benchmarks/results/mpc_step.txt.
+the whole step, including estimator, status and reading of the torques; those of the peers are their own call only,
+except do-mpc, whose call is the whole of its step. Each run is repeated, and the least time of each step counts,
+because the machine may be busy. The loop is the same each time, so the remaining spread is that of the programs. The
+cost is that of the closed loop, relative to sequential quadratic programming to convergence in each step; "beyond" is
+the largest violation of the torque bounds. Prints the tables and writes them to benchmarks/results/mpc_step.txt.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ REFERENCES: tuple[Callable[[np.ndarray], np.ndarray], ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """Steps in a row: how long they took [s], their cost [rad^2], how many were not optimal, and the largest excess."""
+    """Consecutive steps: times [s], cost [rad^2], number of steps that were not optimal, and largest violation."""
 
     times: np.ndarray
     cost: float
@@ -78,7 +77,7 @@ def interpreted(model: ServoModel, horizon: int) -> Controller:
 
 
 def figures(runs: list[Run]) -> str:
-    """Median, 99th percentile and maximum over the steps, each the least of its repeats [us]."""
+    """Median, 99th percentile and maximum over the steps, each the least of its repetitions [us]."""
     times = np.min([run.times for run in runs], axis=0)
     return "".join(f"{1e6 * value:10.1f}" for value in (np.median(times), np.quantile(times, 0.99), np.max(times)))
 

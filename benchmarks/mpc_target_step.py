@@ -1,9 +1,9 @@
-"""Time of one step of the exported C, without Python, on this machine.
+"""Time of one step of the exported C code, without Python, on this machine.
 
     python benchmarks/mpc_target_step.py
 
-The 1000 steps of `mpc_step.py` are played through the code that `antidrive export` writes; each counts with the least
-of 40 runs. Writes benchmarks/results/mpc_target_step.txt.
+The 1000 steps of `mpc_step.py` are run with the code that `antidrive export` writes; the least time of 40 runs counts
+for each. Writes benchmarks/results/mpc_target_step.txt.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ int main(void)
 
 
 def recorded(horizon: int) -> np.ndarray:
-    """(2 STEPS, N + 2) angle and coming reference at each step."""
+    """(2 STEPS, N + 2) angle and future reference at each step."""
     controller, step, rows = ours(PAPER, horizon), sample_step(PAPER, substeps=4), []
     for reference in REFERENCES:
         controller.reset()

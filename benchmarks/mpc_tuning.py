@@ -1,4 +1,4 @@
-"""What margins of the loop cost: bandwidth and disturbance rate against margins, tracking, pushes and noise.
+"""Trade-off of loop margins: bandwidth and disturbance rate against margins, tracking, disturbance rejection and noise.
 
     python benchmarks/mpc_tuning.py
 
@@ -23,16 +23,16 @@ MODEL = ServoModel(inertia=RIG.total_inertia, gravity=0.5, viscous_friction=0.8)
 PAPER = ServoModel.paper().without_effect("dead_zone")
 TUNINGS = ((4.0, 1.0), (4.0, 3.0), (4.0, 10.0), (4.0, 30.0), (3.0, 1.0), (3.0, 3.0), (3.0, 10.0))
 TUNINGS += ((2.0, 1.0), (2.0, 3.0), (2.0, 5.0), (1.5, 3.0))  # bandwidth [Hz], disturbance rate [N m/sqrt(s)]
-SETTLED = 50  # samples in which gravity is learnt
+SETTLED = 50  # samples for the estimate of gravity to converge
 
 
 def swing(time: Array) -> Array:
-    """To and fro within 0.4 rad at a quarter hertz [rad]."""
+    """Back and forth within 0.4 rad at a quarter hertz [rad]."""
     return np.asarray(0.2 * (1 - np.cos(2 * np.pi * 0.25 * time)))
 
 
 def row(bandwidth: float, rate: float) -> str:
-    """Margins, and what they cost."""
+    """Margins, and their effect on the errors."""
 
     def fresh(model: ServoModel = MODEL) -> Controller:
         return Controller(model, GEARS, bandwidth=bandwidth, disturbance_rate=rate)

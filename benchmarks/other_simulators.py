@@ -1,9 +1,9 @@
-"""Models on validation logs, in other simulators: how far each is from what was measured, beside our own simulation.
+"""Identified models in other simulators: error on validation logs, compared with our own simulation.
 
     python benchmarks/other_simulators.py [FOLDER OF THE DATA SETS]
 
-A model is identified on one part of the data and played over the other from the command alone, in one piece. Writes
-results/other_simulators.txt.
+A model is identified on one part of the data and simulated over the other part from the command alone, without a
+restart. Writes results/other_simulators.txt.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ START = ServoModel(
 
 
 def cases(data: Path) -> dict[str, tuple[Log, Log, ServoModel, tuple[str, ...]]]:
-    """Log to learn from, log to judge by, where the fit starts, and what it keeps."""
+    """Estimation log, validation log, start of the fit, and its fixed parameters."""
     hidden = {
         "input_delay": {"time": 0.01},
         "stribeck_friction": {"coulomb": 0.25, "excess": 0.1, "velocity": 0.2},
@@ -61,10 +61,10 @@ def line(name: str, learnt: Log, judged: Log, start: ServoModel, fixed: tuple[st
     """Errors of one case."""
     identified = fit(learnt, start, fixed=fixed).model
     run, ours = judged.runs[0], free_simulation(judged, identified)[0]
-    model = replace(identified, torque_unit=None)  # the simulators count in N m, whatever that is
+    model = replace(identified, torque_unit=None)  # the simulators use N m; the actual unit does not matter
     steps = np.diff(run.time)
     even = np.ptp(steps) < 1e-3 * np.median(steps)
-    dt = float(np.median(steps)) / (1 if even else 5)  # irregular times are met by a finer grid
+    dt = float(np.median(steps)) / (1 if even else 5)  # irregular times are resolved by a finer grid
     grid = run.time[0] + dt * np.arange(int(np.ceil((run.time[-1] - run.time[0]) / dt - 1e-6)) + 1)
     command = run.command[np.searchsorted(run.time, grid + 1e-6, side="right") - 1]
     slope = float(np.gradient(ours[:3], run.time[:3], edge_order=2)[0])

@@ -1,4 +1,4 @@
-"""Every claim of the paper, repeated, and what goes beyond it: what the scenarios say, one behind the other.
+"""Every claim of the paper, repeated, and experiments beyond it: the sentences of all scenarios.
 
     python benchmarks/paper_claims.py
 

@@ -1,9 +1,9 @@
-"""How long a log of a million rows and four columns takes to read, in each format.
+"""Time to read a log of a million rows and four columns, in each format.
 
     python benchmarks/reading_speed.py
 
-Prints the table and writes it to benchmarks/results/reading_speed.txt. The aim is 3 s for any text table; the time that
-the processor took says what a busy computer hides.
+Prints the table and writes it to benchmarks/results/reading_speed.txt. The target is 3 s for any text table; processor
+time is given too, as other load on the computer does not affect it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def trace(text: str) -> str:
 
 
 def kinds(frame: pd.DataFrame, path: Path) -> dict[str, Callable[[], object]]:
-    """What to measure -> how to write it."""
+    """Format -> function that writes it."""
     text = frame.to_csv(index=False)
     dated = frame.assign(time=pd.to_datetime(frame["time"], unit="s").astype(str))
     return {

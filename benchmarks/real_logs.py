@@ -1,10 +1,10 @@
-"""What a diagnosis makes of the public logs of real machines, each on the split that its reader states in advance.
+"""Diagnoses of the public logs of real machines, each with the split that its reader defines in advance.
 
     python benchmarks/real_logs.py FOLDER [name ...]
 
 FOLDER holds a folder for each data set: emps, ur10e, hsm150, bam_xl330, kscale_sts3215. Names are those of
 `antidrive diagnose --dataset`, with :K for the joint of a robot; by default all but kscale, which takes long. Prints
-verdict, names with their probabilities, and errors on fitted and held-out data; writes results/real_logs.txt.
+verdict, effects with their probabilities, and errors on estimation and validation data; writes results/real_logs.txt.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BY_DEFAULT = ("emps", "ur10e:1", "ur10e:2", "ur10e:3", "hsm150", "bam")
 
 
 def mean_absolute_error(log: Log, model: ServoModel) -> float:
-    """Of a free simulation of whole runs [rad or m]."""
+    """Mean absolute error of a free simulation of whole runs [rad or m]."""
     simulated = free_simulation(log, model)
     return float(
         np.mean(np.concatenate([np.abs(s - r.output)[r.valid] for s, r in zip(simulated, log.runs, strict=True)]))
@@ -35,7 +35,7 @@ def mean_absolute_error(log: Log, model: ServoModel) -> float:
 
 
 def told(found: Diagnosis, held_out: Log) -> list[str]:
-    """Verdict, names and errors."""
+    """Verdict, reported effects and errors."""
     lines: list[str] = [found.verdict]
     for cause in found.causes:
         rivals = "".join(f", or {name} {p:.2f}" for name, p in cause.alternatives if p >= 0.01)

@@ -1,4 +1,4 @@
-"""Lines of a long study, one a diagnosis: what is there is not run again, so it may be stopped and taken up."""
+"""Stored lines of a long study, one per diagnosis: existing lines are not run again, so it may be interrupted."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def stored(path: Path) -> list[dict[str, Any]]:
 
 
 def add(path: Path, keys: Iterable[Key], work: Callable[[Key], dict[str, Any]], processes: int, chunk: int = 1) -> None:
-    """Append the lines that are missing as they come, and print each; `chunk` keys in a row go to one process."""
+    """Append the missing lines as they come, and print each; `chunk` consecutive keys go to one process."""
     done = {tuple(line["key"]) for line in stored(path)}
     left = [key for key in keys if key not in done]
     path.parent.mkdir(exist_ok=True)
@@ -29,7 +29,7 @@ def add(path: Path, keys: Iterable[Key], work: Callable[[Key], dict[str, Any]], 
 
 
 def attempted(work: Callable[[Key], dict[str, Any]], key: Key) -> dict[str, Any]:
-    """The line of a diagnosis, or what was raised in its place: a finding too, and the rest goes on."""
+    """The line of a diagnosis, or the error that it raised, which is a result too; the study continues."""
     try:
         return work(key)
     except Exception as error:

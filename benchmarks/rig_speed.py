@@ -1,9 +1,9 @@
-"""How fast the rig runs: simulated seconds per second for one machine and for a thousand.
+"""Speed of the rig: simulated seconds per second for one machine and for a thousand.
 
     python benchmarks/rig_speed.py
 
-Prints the table and writes it to benchmarks/results/rig_speed.txt. The aim is 1,000 machines times 10 s in under 60 s
-on 2 cores; the time that the processor took says what a busy computer hides.
+Prints the table and writes it to benchmarks/results/rig_speed.txt. The target is 1,000 machines times 10 s in under 60
+s on 2 cores; processor time is given too, as other load on the computer does not affect it.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ FULL = {
     "cogging_amplitude": 0.1,
     "cogging_order": 12.0,
 }
-"""Everything that the rig has is at work."""
+"""All features of the rig are active."""
 
 
 def seconds(machines: int) -> tuple[float, float]:
-    """Time to play DURATION on that many machines, each with a gap of its own [s]: by the clock, by the processor."""
+    """Time to simulate DURATION on that many machines, each with a different backlash [s]: wall clock, processor."""
     rng = np.random.default_rng(0)
     rigs = [Rig.paper_like(**FULL, backlash=float(gap)) for gap in rng.uniform(2e-4, 4e-3, machines)]
     follower = 2.0 * np.sin(2 * np.pi * 0.5 * np.arange(round(DURATION / SAMPLE_TIME)) * SAMPLE_TIME)

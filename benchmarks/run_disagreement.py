@@ -1,7 +1,7 @@
-"""How often runs that agree are said to disagree, where the model is right and where it lacks something.
+"""Rate of false reports that runs disagree, with a complete model and with a missing effect.
 
-Three runs of one machine, each with an excitation of its own and all with the same parameters, are fitted by the base
-model. The machine hides nothing, or an effect that the base model lacks. The last lines have payloads that do differ.
+Three runs of one machine, each with a different excitation and all with the same parameters, are fitted by the base
+model. The machine has no hidden effect, or one that the base model lacks. The last lines have different payloads.
 
     PYTHONPATH=tests python benchmarks/run_disagreement.py [machines of each kind]
 """
@@ -33,7 +33,7 @@ HIDDEN: dict[str, dict[str, dict[str, float]]] = {
 
 
 def said(machine: Machine, seed: int, scales: tuple[float, ...]) -> str | None:
-    """What is said of the runs of a machine."""
+    """The reported differences between the runs of a machine, None if there are none."""
     commands = [s * excitation(RUNS * seed + run, duration=SECONDS) for run, s in zip(range(RUNS), scales, strict=True)]
     log = record(machine, np.column_stack(commands), seed=seed, angle=np.full(RUNS, -np.pi / 2)).log_of_runs()
     start = ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1, effects=(DeadZone(half_width=0.0),))

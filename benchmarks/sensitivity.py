@@ -1,13 +1,13 @@
-"""What changes in diagnoses of drawn logs where a constant that decides is halved or doubled, or a rule is left out.
+"""Changes in diagnoses of drawn logs if a decisive constant is halved or doubled, or a rule is left out.
 
     python benchmarks/sensitivity.py run --seeds 3,17 [--processes 2] [--logs FOLDER]
     python benchmarks/sensitivity.py table
 
-A log and its answer are those of `field`. `run` adds an outcome for each constant or rule and log to
-benchmarks/results/sensitivity.jsonl; what is there is not run again; `--rules` runs the rules alone. `table` writes
+Logs and outcomes are those of `field`. `run` adds an outcome for each constant or rule and log to
+benchmarks/results/sensitivity.jsonl; stored outcomes are not run again; `--rules` runs the rules only. `table` writes
 sensitivity.txt: how many of the same logs are right, honest, missed or wrong, and how many have another verdict or
-another sure name than as it is. Of a probability the odds are halved and doubled; of several numbers all of them
-together.
+another sure effect than without the change. For a probability, the odds are halved and doubled; for several numbers,
+all of them together.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ AS_IT_IS, LESS = "as it is", "less "
 
 
 def as_a_whole(sets: Any, against: Any) -> Any:
-    """Probabilities of sets by the whole log."""
+    """Probabilities of sets from the whole log."""
     taken = [sum(min(told.sum(), 0.0) for name, told in against.items() if name in each.names) for each in sets]
     scores = np.array([each.log_marginal for each in sets]) + np.array(taken)
     weights = np.exp(scores - scores.max())
@@ -43,7 +43,7 @@ def as_a_whole(sets: Any, against: Any) -> Any:
 
 
 def no_objection(*_: Any) -> Any:
-    """Of validation data."""
+    """No falsification by validation data."""
     falsification = sys.modules["diagnosis.falsification"]
     return falsification._Objection(worse=0.0, against=np.zeros(falsification.BLOCKS))
 
@@ -67,7 +67,7 @@ CONSTANTS: dict[str, tuple[str, str]] = {
     "levels.TWICE": ("diagnosis.levels", "rise of a multi-step error that is another one"),
     "levels.INEXACT": ("diagnosis.levels", "share by which laws and models are wrong"),
 }
-"""Each constant with the module that defines it and what it is."""
+"""Each constant with its module and a description."""
 RULES: dict[str, tuple[str, str, Any, str]] = {
     "discrepancy": ("diagnosis.evidence.discrepancy", "AMPLITUDES", (0.0, 1e-12), "an unmodelled torque in every set"),
     "alone": ("diagnosis.evidence.search_over_sets", "rise", lambda *_: None, "every effect fitted by itself"),
@@ -86,11 +86,11 @@ RULES: dict[str, tuple[str, str, Any, str]] = {
     "curves": ("diagnosis.diagnose", "with_curves", lambda fit, base: fit, "what is left carried without a name"),
     "validation only": ("diagnosis.diagnose", "only_in_validation", lambda *_: None, "what validation data alone show"),
 }
-"""Each rule with the module and the name of what is replaced, what by, and what it is."""
+"""Each rule with the module and name of the replaced function, its replacement, and a description."""
 
 
 def changed(log: Any, **how: Any) -> Any:
-    """A diagnosis with the constant and factor that the environment names."""
+    """A diagnosis with the changed constant or rule in the environment variable."""
     name, _, factor = os.environ["CHANGED"].partition(" x ")
     if name.startswith(LESS):
         home, attribute, instead, _ = RULES[name.removeprefix(LESS)]
@@ -105,7 +105,7 @@ def changed(log: Any, **how: Any) -> Any:
 
 
 def scaled(value: Any, factor: float) -> Any:
-    """A constant that is halved or doubled."""
+    """A constant halved or doubled."""
     if isinstance(value, tuple):
         return tuple(factor * each for each in value)
     if isinstance(value, int):
@@ -117,13 +117,13 @@ def scaled(value: Any, factor: float) -> Any:
 
 
 def kept() -> dict[tuple[str, int], dict[str, Any]]:
-    """The outcomes that are there."""
+    """The stored outcomes."""
     lines = STORE.read_text(encoding="utf-8").splitlines() if STORE.exists() else []
     return {(told["changed"], told["seed"]): told for told in map(json.loads, lines)}
 
 
 def run(seeds: list[int], processes: int, logs: Path | None, *, rules_alone: bool) -> None:
-    """All rules and constants on some logs, one after the other."""
+    """Run all rules and constants on some logs, one after the other."""
     constants = [] if rules_alone else [f"{name} x {factor}" for name in CONSTANTS for factor in (0.5, 2.0)]
     for change in (AS_IT_IS, *(f"{LESS}{name}" for name in RULES), *constants):
         os.environ["CHANGED"] = change
@@ -137,7 +137,7 @@ def run(seeds: list[int], processes: int, logs: Path | None, *, rules_alone: boo
 
 
 def table() -> str:
-    """A line for each constant."""
+    """A line for each rule and constant."""
     found = kept()
     base = {seed: told for (change, seed), told in found.items() if change == AS_IT_IS and "verdict" in told}
     lines = [f"{len(base)} logs: right, honest, missed, wrong, other answers", ""]

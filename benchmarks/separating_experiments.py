@@ -1,14 +1,14 @@
-"""Confusable pairs that a log leaves open: how long a plain chirp takes to settle them, and the designed experiment.
+"""Confounded pairs: duration of a plain chirp and of the designed experiment that separates them.
 
     python benchmarks/separating_experiments.py [number of a pair ...]
 
-An independent machine hides a little of the first of a pair and records short, slow chirps. Of these the first few are
-taken that show it and name neither of the two. For each an experiment is designed, played into the machine and recorded
-under several seeds of the noise, and both models are refitted to log and experiment. An experiment settles the pair if
-the right one of the two is named, with a probability above 0.9, in 95 % of all cases. The same is done with plain
-chirps, 0.1 to 5 Hz at the amplitude within the same limits that promises most. The designed experiment is given half
-the time that a chirp needs, and more only if that fails; durations go up by a half and a third in turn. Prints the
-table and writes it to benchmarks/results/separating_experiments.txt.
+An independent machine hides a little of the first effect of a pair and records short, slow chirps. The first few logs
+are taken that show the effect but leave both candidates open. For each an experiment is designed, applied to the
+machine and recorded with several seeds of the noise, and both models are refitted to log and experiment. An experiment
+separates the pair if the right effect has a probability above 0.9 in 95 % of all cases. The same is done with plain
+chirps, 0.1 to 5 Hz at the amplitude within the same limits with the highest predicted evidence. The designed experiment
+gets half of the duration of the chirp, and more only if that fails; durations increase by a half and a third in turn.
+Prints the table and writes it to benchmarks/results/separating_experiments.txt.
 """
 
 from __future__ import annotations
@@ -40,12 +40,28 @@ from plant import ServoModel, catalogue  # noqa: E402
 
 LIMITS = Limits(torque=4.0, speed=5.0, travel=(-4.0, 4.0))
 SAMPLE_TIME = 0.005
-DURATIONS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0)  # half is two before
+DURATIONS = (
+    0.5,
+    0.75,
+    1.0,
+    1.5,
+    2.0,
+    3.0,
+    4.0,
+    6.0,
+    8.0,
+    12.0,
+    16.0,
+    24.0,
+    32.0,
+    48.0,
+    64.0,
+)  # half: two entries before
 NAMED = float(np.log(SURE / (1.0 - SURE)))  # log odds
-LOGS, SEEDS = 4, 10  # logs that name neither, and experiments after each
+LOGS, SEEDS = 4, 10  # logs that leave the pair open, and experiments after each
 CASES, SHARE = LOGS * SEEDS, 0.95
-SEEN = 5.0  # rise of the log-likelihood by what is hidden, from which on a log shows it
-WIDE = 30.0  # bandwidth of the observer that the one behind may take [rad/s]
+SEEN = 5.0  # gain in log-likelihood of the hidden effect, from which a log shows it
+WIDE = 30.0  # observer bandwidth for a restart of the less probable model [rad/s]
 
 
 HEADER = (
@@ -57,7 +73,7 @@ HEADER = (
 
 @dataclass(frozen=True, kw_only=True)
 class Contest:
-    """A machine, a log of it that names neither of two models, and the fits of both, the right one first."""
+    """A machine, a log of it that leaves two models open, and the fits of both, the right one first."""
 
     machine: Machine
     log: Log
@@ -75,16 +91,16 @@ class Contest:
 
     @property
     def log_odds(self) -> float:
-        """Of the right one on the log alone."""
+        """Log odds of the right model on the log alone."""
         return evidence(self.fits[0]) - evidence(self.fits[1])
 
     @property
     def seen(self) -> float:
-        """Rise of the log-likelihood by what is hidden."""
+        """Gain in log-likelihood of the hidden effect."""
         return self.fits[0].log_likelihood - fit(self.log).log_likelihood
 
     def design(self, duration: float) -> Design:
-        """The task for a duration."""
+        """The design task for a duration."""
         return Design(
             rivals=(Rival.of(self.fits[0]), Rival.of(self.fits[1])),
             limits=LIMITS,
@@ -94,17 +110,17 @@ class Contest:
         )
 
     def played(self, found: Found) -> Iterator[bool]:
-        """Whether the right one is named after a signal, under one seed of the noise after another."""
+        """Whether the right effect is reported after a signal, for each seed of the noise."""
         commands = np.repeat(found.torque[:, None], SEEDS, axis=1)
         angle = self.fits[0].initial[0, 0]
         records = record(self.machine, commands, seed=100, angle=angle, sample_time=SAMPLE_TIME).logs()
         return (self.final_odds(experiment) >= NAMED for experiment in records)
 
     def final_odds(self, experiment: Log) -> float:
-        """Log odds of the right one after an experiment.
+        """Log odds of the right model after an experiment.
 
-        The one behind may begin again with a wide observer. If the right one then is not named, it may be in a local
-        optimum: both begin again with a wide observer, from their own values and the other's.
+        The less probable model may be refitted with a wide observer bandwidth. If the right model is then not accepted,
+        it may be in a local optimum: both are refitted with a wide bandwidth, from their own values and the other's.
         """
         log = Log.merge([self.log, experiment])
         at_rest = [[experiment.runs[0].output[0], 0.0]]
@@ -130,14 +146,14 @@ def evidence(found: Fit) -> float:
 
 
 def contests(number: int) -> list[Contest]:
-    """Logs of a pair that show that something is missing and name neither."""
+    """Logs of a pair that show a missing effect and leave both candidates open."""
     tried = (Contest.of(PAIRS[number], 1000 * number + seed) for seed in range(10 * LOGS))
     return list(islice((c for c in tried if abs(c.log_odds) < NAMED and c.seen > SEEN), LOGS))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """Signals for all logs of a pair, how often the right one was named after them, and the time that a design took."""
+    """Signals for all logs of a pair, number of cases in which the right effect is reported, and the design time."""
 
     signals: list[Found]
     named: int
@@ -149,7 +165,7 @@ class Outcome:
 
     @classmethod
     def of(cls, found: list[Contest], make: Callable[[Design], Found | None], duration: float) -> Outcome:
-        """Of a way to make signals; where too many cases fail already the rest is not tried."""
+        """For a method of signal generation; it stops as soon as too many cases have failed."""
         signals: list[Found] = []
         named = missed = 0
         seconds = 0.0
@@ -169,7 +185,7 @@ class Outcome:
 
 
 def row(number: int) -> tuple[bool, str]:
-    """One pair: whether half the duration of a chirp does, and the line of the table."""
+    """One pair: whether half the duration of a chirp is enough, and the line of the table."""
     found = contests(number)
     head = f"{PAIRS[number]}{np.mean([c.seen for c in found]):8.1f}{np.mean([c.log_odds for c in found]):6.1f}"
     if len(found) < LOGS:

@@ -1,12 +1,12 @@
-"""Two or three effects at once in machines that nobody chose.
+"""Two or three effects at once in randomly drawn machines.
 
     python benchmarks/several_effects.py COUNT SEED [processes]
     python benchmarks/several_effects.py table
 
-The calibration hides twelve pairs and triples that somebody chose in one machine. Here the lot draws machine, commands
-and noise, and two or three effects, of which none is known to be confused with
-another. Each has a lambda of 200 alone. COUNT diagnoses from SEED on are added to
-benchmarks/results/several_effects.jsonl, a line each, which depends on its key alone.
+The calibration hides twelve chosen pairs and triples in one machine. Here machine, commands and noise are randomly
+drawn, and two or three effects, none of which is known to be confused with another. Each has a lambda of 200 alone.
+COUNT diagnoses from SEED on are added to benchmarks/results/several_effects.jsonl, one per line, which depends on its
+key only.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ from identification.problem import Problem  # noqa: E402
 from plant.effects import catalogue  # noqa: E402
 
 STORE = HERE / "results" / "several_effects.jsonl"
-WANTED = 200.0  # lambda of each alone
-HELD_OUT = 15.0  # [s], before it is stretched
+WANTED = 200.0  # lambda of each effect alone
+HELD_OUT = 15.0  # [s], before scaling of the time
 
 
 def drawn(seed: int) -> list[Hidden]:
-    """Two or three randomly drawn effects; the dead zone is part of the host."""
+    """Two or three randomly drawn effects; the dead zone is part of the machine."""
     rng = np.random.default_rng([seed, 25])
     chosen: list[Hidden] = []
     for place in rng.permutation(len(CASES)):
@@ -66,14 +66,14 @@ def size_on(case: Hidden, bench: Bench, seed: int) -> float:
         more = len(case.truth(size).names) - len(rival_model(case, size).names)
         return float(np.mean([evidence(case, size, log) for log in logs])) - more
 
-    # Of a gap narrower than the noise only the give of its flanks would show.
+    # With a backlash narrower than the noise, only the compliance of its flanks would show.
     least = bench.noise if case.effect == "backlash" else case.sizes[0] / 1e3
     ((found, _),) = reaching({WANTED: case.sizes[1]}, lambda_of, (least, 3.0 * case.sizes[2])).values()
     return found
 
 
 def one(key: Key) -> dict[str, Any]:
-    """One diagnosis; `shown` is the lambda of each effect beside the others."""
+    """One diagnosis; `shown` is the lambda of each effect given the others."""
     _, _, seed = key
     bench = Bench.drawn(seed)
     cases = [shaped(case, bench, seed) for case in drawn(seed)]
@@ -93,7 +93,7 @@ def one(key: Key) -> dict[str, Any]:
 
 
 def _fitted(log: Log, cases: list[Hidden], values: dict[str, dict[str, float]]) -> Fit:
-    """The true model, fitted from the truth."""
+    """The true model, fitted from the true values."""
     truth = cases[0].start
     for case in cases:
         truth = truth.with_effect(catalogue[case.effect](**values[case.effect]))
@@ -106,7 +106,7 @@ def _without(best: Fit, effect: str) -> float:
 
 
 def page(told: list[dict[str, Any]]) -> str:
-    """The calibration's tables, held-out errors that got worse, and what was raised."""
+    """The calibration's tables, increased validation errors, and errors raised."""
     lines = [table([t for t in told if "failed" not in t])]
     for t in told:
         if "failed" in t:

@@ -1,4 +1,4 @@
-"""How long things take, with the aims beside them.
+"""Computing times, compared with their targets.
 
     python benchmarks/speed.py
 
@@ -39,7 +39,7 @@ def seconds(work: Callable[[], object], repeats: int) -> list[float]:
 
 
 def fresh(*command: str) -> Callable[[], object]:
-    """A new process, as a user starts it."""
+    """A new process, as started by a user."""
     return lambda: subprocess.run(command, check=True, capture_output=True)
 
 
@@ -82,7 +82,7 @@ def diagnoses() -> list[str]:
 
 
 def million() -> str:
-    """A million samples in a process of its own, whose greatest memory is told."""
+    """A million samples in a separate process, with its peak memory."""
     program = (
         "import resource, sys; sys.path.insert(0, sys.argv[1]);"
         "from machine import Machine, excitation, record; from diagnosis import diagnose; import time;"

@@ -1,11 +1,11 @@
-"""Is a diagnosis the same in every unit of torque, angle and time? Each is changed by itself, on twenty varied logs.
+"""Invariance of a diagnosis to the units of torque, angle and time: each is changed alone, on twenty different logs.
 
     python benchmarks/unit_invariance.py [factor] [words of the logs' names ...]
 
-Each quantity is divided and multiplied by the factor, 1,000 by default. Times a power of two numbers keep their digits,
-and what differs by more than 1e-9 is a constant with a unit; times 1,000 rounding is added. The angle is changed on
-linear axes only: on a rotary one, cos x fixes its unit. Compared are the verdict, the names, their probabilities, the
-gain, and all values of both fits, of themselves or of their standard error. Writes results/unit_invariance.txt.
+Each quantity is divided and multiplied by the factor, 1,000 by default. With a power of two numbers keep their digits,
+and a difference above 1e-9 is due to a constant with a unit; with 1,000 rounding is added. The angle is changed on
+linear axes only: on a rotary one, cos x fixes its unit. Verdict, effects, their probabilities, the gain, and all values
+of both fits are compared, relative to themselves or to their standard error. Writes results/unit_invariance.txt.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ HIDDEN = (
     ("linear", ("presliding_hysteresis",)),
     ("linear", ("periodic_disturbance", "quadratic_drag")),
     ("linear", ("end_stop",)),
-    ("rotary", ("backlash",)),  # chaotic: which of many peaks is climbed hangs on the last digit of a number
+    ("rotary", ("backlash",)),  # chaotic: rounding decides among the many peaks
 )
 Made: TypeAlias = tuple[str, Log, tuple[str, ...] | None]
 
 
 def rough(seed: int) -> Made:
-    """A rough log of 600 to 1,500 samples, which a diagnosis with few candidates is made of."""
+    """A random log of 600 to 1,500 samples, for a diagnosis with few candidates."""
     made = rough_log(seed, longest=1500)
     return str(made), made.log(), FEW
 
 
 def hidden(place: int, axis: str, names: tuple[str, ...]) -> Made:
-    """15 s of a machine that hides effects at their largest size, for the whole catalogue; linear without gravity."""
+    """15 s of a machine with hidden effects at their largest size, for the whole catalogue; linear without gravity."""
     sizes = {case.effect: case.at(case.sizes[-1]) for case in CASES}
     machine = replace(Machine(), gravity=0.0) if axis == "linear" else Machine()
     command = excitation(100 + place, duration=15.0)
@@ -85,9 +85,9 @@ def diagnosed(log: Log, candidates: tuple[str, ...] | None) -> Diagnosis | str:
 
 
 def compared(one: Diagnosis | str, other: Diagnosis | str, among: Units) -> tuple[str, float]:
-    """The largest difference, and of what."""
+    """The largest difference, and the quantity that differs."""
     if isinstance(one, str) or isinstance(other, str):
-        # A sentence holds numbers of the log.
+        # The sentence contains numbers of the log.
         same = isinstance(one, str) and isinstance(other, str) and one.split(":")[0] == other.split(":")[0]
         return "sentence" if same else f"{one} or {other}", 0.0 if same else float("inf")
     return max(differences(one, other, among), key=lambda found: found[1])

@@ -1,9 +1,9 @@
-"""Causes that the catalogue does not have: what is said of them, and how much of the gain is had without a name.
+"""Effects that are not in the catalogue: their diagnosis, and the share of the gain by non-parametric effects.
 
     python benchmarks/unnamed_causes.py
 
-Prints the table and writes it to benchmarks/results/unnamed_causes.txt. The oracle is told the true law and fits it.
-The true laws are simulated by the plant's own integrator at a finer step: what is hidden is the law, not the machine.
+Prints the table and writes it to benchmarks/results/unnamed_causes.txt. The oracle fits the true law. The true laws are
+simulated by the plant's own integrator with a finer step: only the law is hidden, not the machine.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Hidden(Effect):
 
 
 class FrictionOfPlace(Hidden):
-    """Dry friction that is largest twice a turn."""
+    """Dry friction with two maxima per turn."""
 
     name = title = "friction that varies over the turn"
 
@@ -56,7 +56,7 @@ class FrictionOfPlace(Hidden):
 
 
 class Teeth(Hidden):
-    """Narrow pulses, nine to the turn."""
+    """Narrow pulses, nine per turn."""
 
     name = title = "pulses over the turn"
 
@@ -74,7 +74,7 @@ class Ratio(Hidden):
 
 
 class Warming(Hidden):
-    """Damping that falls while the grease warms."""
+    """Damping that decreases while the grease warms up."""
 
     name = title = "damping that fades in time"
     clocked = True
@@ -84,7 +84,7 @@ class Warming(Hidden):
 
 
 class Disc(Hidden):
-    """An encoder whose error has three harmonics of the turn."""
+    """An encoder whose error has three harmonics of a turn."""
 
     name = title = "encoder error of three harmonics"
     stage = Stage.SENSOR
@@ -103,7 +103,7 @@ class Windage(Hidden):
 
 
 class Harness(Hidden):
-    """Wires that are dragged along, more stiffly on the one side than on the other."""
+    """Dragged cables, stiffer on one side than on the other."""
 
     name = title = "loop of dragged wires"
     states = (State.RELAXED,)
@@ -130,13 +130,13 @@ CAUSES = (
 
 
 def truth(cause: Hidden) -> ServoModel:
-    """The machine that the logs are of."""
+    """The true model of the logs."""
     bare = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
     return bare.with_effect(DeadZone(half_width=0.5)).with_effect(cause)
 
 
 def recorded(cause: Hidden, seed: int, duration: float) -> Log:
-    """A log of it, with noise, as an encoder of 17 bits counts."""
+    """A log of the true model, with noise and the quantisation of a 17-bit encoder."""
     command = excitation(seed, duration=duration)
     moved = simulate(truth(cause), command=command, dt=SAMPLE_TIME, substeps=5)[: command.size, 0]
     seen = np.array([float(cause.reading(angle, 0.0)) for angle in moved])
@@ -155,14 +155,14 @@ def recorded(cause: Hidden, seed: int, duration: float) -> Log:
 
 
 def error(model: ServoModel, log: Log) -> float:
-    """Rms of a free simulation [rad]."""
+    """Rms error of a free simulation [rad]."""
     simulated = free_simulation(log, model)
     errors = np.concatenate([s - run.output for s, run in zip(simulated, log.runs, strict=True)])
     return float(np.sqrt(np.mean(errors**2)))
 
 
 def row(cause: Hidden, seed: int) -> tuple[str, float]:
-    """What is said of one log, and the share of the oracle's cut of the held-out error that is had."""
+    """The result on one log, and the share of the oracle's reduction of the validation error."""
     log, held = recorded(cause, 2 * seed, 30.0), recorded(cause, 2 * seed + 1, 15.0)
     begin = time.perf_counter()
     found = diagnose(log, None, held)

@@ -28,22 +28,22 @@ def diagnose_all(
     exclude: Collection[str] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Iterator[Diagnosis]:
-    """Diagnose many logs, each by itself.
+    """Diagnose many logs independently.
 
     Args:
-        logs: one log a diagnosis, as in `diagnose`.
+        logs: one log per diagnosis, as in `diagnose`.
         base, fixed, bounds, prior, candidates, exclude: as in `diagnose`, the same for all.
         executor: any executor of `concurrent.futures`, also a `dask.distributed.Client().get_executor()`; logs and
-            diagnoses are pickled where its workers are processes. None works on one log after the other here. A killed
-            worker costs no diagnosis, see `plant.executors.in_order`.
-        progress: called with a line of text as each diagnosis is handed out.
+            diagnoses are pickled if its workers are processes. With None the logs are diagnosed one after the other in
+            this process. If a worker is killed, no diagnosis is lost, see `plant.executors.in_order`.
+        progress: called with a line of text for each diagnosis that is returned.
 
     Yields:
-        The diagnoses in the order of the logs, each as soon as it and those before it are there. What has not begun is
-        called off when nobody asks for more.
+        The diagnoses in the order of the logs, each as soon as it and those before it are finished. If the iteration
+        ends early, diagnoses that have not started are cancelled.
 
     Raises:
-        AntidriveError: as `diagnose` raises it, in its log's turn.
+        AntidriveError: as from `diagnose`, when the result of that log is due.
     """
     listed = list(logs)
     work = partial(

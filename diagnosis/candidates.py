@@ -1,4 +1,4 @@
-"""Which effects a diagnosis may name: the catalogue, a person's choice from it, and effects of their own."""
+"""The candidates of a diagnosis: the catalogue, a selection from it, or custom effects."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ Choice: TypeAlias = "str | type[Effect]"
 
 
 def chosen(candidates: Sequence[Choice] | None, exclude: Collection[str]) -> Mapping[str, type[Effect]]:
-    """The effects to ask, by name.
+    """The candidate effects, by name.
 
     Args:
-        candidates: names from the catalogue or classes of effects, also such as the catalogue does not have; None is
-            the whole catalogue.
+        candidates: names from the catalogue or classes of effects, custom ones included; None is the whole catalogue.
         exclude: names to leave out.
 
     Raises:
-        BadParameter: a name that nobody knows, a class that is no effect, or nothing left to ask.
+        BadParameter: an unknown name, a class that is no effect, or no candidate left.
     """
     asked: dict[str, type[Effect]] = dict(catalogue) if candidates is None else {}
     for choice in candidates or ():

@@ -1,4 +1,4 @@
-"""Diagnose: from a log to the effects that a model misses, with the gain on validation data."""
+"""Diagnose: from a log to the effects that a model lacks, with the gain on validation data."""
 
 from __future__ import annotations
 
@@ -63,27 +63,27 @@ def diagnose(
     force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Find out what a model misses in a log.
+    """Find the effects that a model lacks, from a log.
 
     Args:
         log: measured runs, also as a path, a DataFrame or arrays by name.
-        base: the model to start from; by default eqs. (4) and (6) of the paper, whose dead zone is then part of the
-            model and not a cause to be named.
-        holdout: runs to measure the gain on; by default some runs of the log, or the last part of its only one.
-        fixed, bounds, prior: what is known of parameters, as in `identification.fit`; also of those of effects that may
-            be named, `{"coulomb_friction.torque": (0.1, 0.3)}`.
-        candidates: effects that may be named, by their name in the catalogue or as classes; also effects that the
-            catalogue does not have. By default the whole catalogue.
-        exclude: names of effects that may not.
+        base: the base model; by default eqs. (4) and (6) of the paper, whose dead zone is then part of the model and
+            not a candidate.
+        holdout: validation data; by default some runs of the log, or the last part of a single run.
+        fixed, bounds, prior: prior knowledge of parameters, as in `identification.fit`; also of parameters of candidate
+            effects, `{"coulomb_friction.torque": (0.1, 0.3)}`.
+        candidates: candidate effects, by their name in the catalogue or as classes, custom effects included. By default
+            the whole catalogue.
+        exclude: names of effects that are not candidates.
         force: diagnose also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each step.
 
     Returns:
-        Verdict, causes, the posterior over sets of effects, gain and the data of the pictures.
+        Verdict, causes, the posterior over sets of effects, gain and the data of the plots.
 
     Raises:
-        UnusableLog: the log, or the one to measure the gain on, has faults that no model fits.
-        BadParameter: base and log do not fit together, or an effect is not known.
+        UnusableLog: the log or the validation data have faults that no model fits.
+        BadParameter: base and log do not match, or an effect is unknown.
         Unidentifiable: the load does not move, or the fit of the base model failed.
     """
     log, effects = log_of(log).usable(force=force), chosen(candidates, exclude)
@@ -118,16 +118,16 @@ def _diagnosed(
     tell: Callable[[str], None],
     said: Sequence[str],
 ) -> Diagnosis:
-    """What a model misses in a log, measured on another; `said` are warnings of how they were parted."""
+    """Diagnosis of a log with given validation data; `said` are the warnings on how the data were divided."""
     log, shorter = stretches(log)
     tell("fitting the base model")
     null = fit_with_prior(log, start, known, tell, of_the_sensor=True)
-    if null.failed is not None:  # with white errors, an observer follows a loop whatever the torque is
+    if null.failed is not None:  # with white noise, an observer follows a closed loop for any torque
         null = fit_with_prior(log, start, known, tell)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
     failed = null.failed
-    if failed is not None:  # too much is missing
+    if failed is not None:  # the base model lacks too much
         null = by_regression(log, start, known) or behind_a_slower_observer(log, start, known) or null
     if null.failed is not None:
         raise Unidentifiable(torque_follows(log) or _FAILED + null.failed)
@@ -148,7 +148,7 @@ def _diagnosed(
     gain, _, replays = measure_gain(held_out, [null, final])
     judgement = judged(found.posterior, missing, shows=shows, ruled_out=ruled_out)
     left = remaining(gain, judgement.depends_on)
-    alone, most = None, left.share > 0.5  # more than what is named
+    alone, most = None, left.share > 0.5  # most of the error remains unexplained
     if judgement.verdict != "unknown" and (not judgement.causes or most):
         alone = only_in_validation(final, held_out)
     beside = best.discrepancy.posterior
@@ -201,7 +201,7 @@ def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
 
 
 def _unknown(found: Tenable, judgement: Judgement, level: float) -> Unknown:
-    """What stands beside the names, and in the place of some, in a log whose torque is so large."""
+    """The unexplained part: discrepancy and non-parametric effects; `level` is the rms torque of the log [N m]."""
     posterior, best = found.posterior, found.posterior.best
     beside, torques = best.discrepancy.posterior, frozenset(unnamed) - of_reading
     instead = [torque_of(found.fit, name)[0] / level for name in sorted(best.names & torques)]
@@ -219,7 +219,7 @@ def _minor(found: Tenable, name: str, probability: float) -> Minor:
 
 
 def _holder(found: Tenable, name: str) -> Fit:
-    """The fit to read an effect's numbers from: the extended model if it has it, else the likeliest set that does."""
+    """The fit with the estimates of an effect: the extended model if it has the effect, else the best set with it."""
     if name in found.without:
         return found.fit
     return next(each.fit for each in found.posterior.sets if name in each.names)
@@ -267,7 +267,7 @@ def _of_data(null: Fit, said: Sequence[str]) -> list[str]:
 
 
 def _of_the_end(null: Fit, final: Fit, held_out: Log) -> list[str]:
-    """Warnings about what the final model leaves."""
+    """Warnings about the final model: confounded parameters, extrapolation, repeated runs, validation data."""
     further, left, apart = extrapolation_warning(held_out, null.log), repeats(final), between_run_differences(final)
     found = [*blind_spots(null, final), further, None if left is None else str(left), apart, suggested_formula(final)]
     if opinions := holdout_differences(final, held_out):
@@ -276,7 +276,7 @@ def _of_the_end(null: Fit, final: Fit, held_out: Log) -> list[str]:
 
 
 def predictable_share(innovations: Array, lags: int = 10) -> float:
-    """Share of the innovations' variance that a linear predictor from their last values explains, less chance [-]."""
+    """Share of the innovations' variance that an AR model of order `lags` explains, less the value by chance [-]."""
     n = innovations.size - lags
     past = np.column_stack([innovations[lags - lag : lags - lag + n] for lag in range(1, lags + 1)])
     now = innovations[lags:]

@@ -1,4 +1,4 @@
-"""The answer of a diagnosis: its findings, which can say why they are what they are."""
+"""The result of a diagnosis: its findings, with an explanation."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from plant.result_display import Presented
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Diagnosis(Presented, Findings):
-    """The answer to "what does this model get wrong, and why?"."""
+    """The result of a diagnosis: which effects the model lacks, and the evidence for them."""
 
     def explain(self, experiment: Experiment | None = None) -> Explanation:
-        """Why each name won and by what margin, or why there is none, in sentences and pictures.
+        """Explain the causes and their evidence, or why there is none, in sentences and plots.
 
         Args:
-            experiment: that has been designed to tell the rivals of this diagnosis apart, if any.
+            experiment: designed to separate the competing sets of this diagnosis, if any.
         """
         return explain(self, experiment)
 
     def __str__(self) -> str:
-        """The verdict, the causes with odds and sizes, the gain, what remains, and the warnings, a line each."""
+        """The verdict, the causes with probabilities and sizes, the gain, the remaining error, and the warnings."""
         return "\n  ".join((headline(self), *sentences(self), *self.warnings))
 
     def __repr__(self) -> str:

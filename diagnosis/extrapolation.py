@@ -1,4 +1,4 @@
-"""Whether held-out data ask of a model what its log has not shown: an error there is no error of a cause."""
+"""Whether validation data lie outside the range of the estimation log: an error there says nothing about a cause."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import numpy as np
 from identification.log import Log
 from plant.effects.effect import Array
 
-_MARGIN = 0.05  # of the range of a log, by which another may exceed it
-_MUCH = 0.1  # share of another log that may exceed it by more
+_MARGIN = 0.05  # of the range of the estimation log, by which validation data may exceed it
+_MUCH = 0.1  # share of the validation data that may exceed it by more
 
 
 def extrapolation_warning(held_out: Log, seen: Log) -> str | None:
-    """A sentence if much of a held-out log lies at angles, or speeds, that the log before has not come by."""
+    """A sentence if many validation samples lie at angles, or speeds, outside the range of the estimation log."""
     angle, unit = ("positions", "m") if seen.axis == "linear" else ("angles", "rad")
     ranges = [("speeds", _speeds, f"{unit}/s")]
     if seen.response == "angle":
@@ -31,10 +31,10 @@ def extrapolation_warning(held_out: Log, seen: Log) -> str | None:
 
 
 def _angles(log: Log) -> Array:
-    """(T,) of all valid samples."""
+    """(T,) angles of all valid samples."""
     return np.concatenate([run.output[run.valid] for run in log.runs])
 
 
 def _speeds(log: Log) -> Array:
-    """(T,) by differences, in which noise widens what a log has come by."""
+    """(T,) speeds by differences; noise makes their range wider."""
     return np.concatenate([np.gradient(run.output[run.valid], run.time[run.valid]) for run in log.runs])

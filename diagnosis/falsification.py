@@ -1,9 +1,10 @@
-"""What rules an effect out, however likely it is: values that no machine has, or validation data.
+"""What rules an effect out, whatever its probability: implausible values or validation data.
 
-An effect does not stand where the log tells none of its sizes (of its parameters, if it has none), where they are all
-zero within their standard errors, where its torque is larger than any in the log, nor where it surely makes predictions
-of the validation data worse. Where they get worse within chance, it loses as much evidence as they speak against it.
-A set with which they surely get worse than with none is no explanation, whichever of its effects is to blame.
+An effect is ruled out if the log determines none of its sizes (or of its parameters, if it has no size), if all sizes
+are zero within their standard errors, if its torque is larger than any in the log, if its fitted values are
+implausible, or if the prediction of the validation data is significantly worse with it. If the prediction is worse, but
+not significantly, the loss of log-likelihood is subtracted from its evidence. A set with a significantly worse
+prediction than the base model is ruled out as a whole.
 """
 
 from __future__ import annotations
@@ -33,17 +34,17 @@ from plant.servo import ServoModel
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tenable:
-    """The sets of effects that nothing rules out.
+    """The sets of effects that are not ruled out.
 
     Attributes:
-        posterior: over them.
-        fit: of the likeliest, behind the observer that it needs without a discrepancy; that of the base model where it
-            has no effects.
-        without: for each of its effects the model less that effect, fitted again.
-        gains: of each of its effects: share by which the validation error is smaller with it, and standard error.
-        falsified: by effect why no set with it is tenable.
-        lost: log Bayes factor of the likeliest set of all over the likeliest that is tenable.
-        likeliest: effects of the likeliest set of all.
+        posterior: over these sets.
+        fit: of the leading set, with the observer that it needs without a discrepancy; the base model's if that set is
+            empty.
+        without: for each effect of the leading set, the model without it, fitted again.
+        gains: for each of these effects, relative reduction of the validation error by it, and its standard error.
+        falsified: for each effect that is ruled out, the reason.
+        lost: log Bayes factor of the most probable set of all over the most probable one that is not ruled out.
+        likeliest: effects of the most probable set of all.
     """
 
     posterior: Posterior
@@ -56,12 +57,12 @@ class Tenable:
 
 
 def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -> Tenable:
-    """The posterior over the explanations that neither their values nor validation data rule out.
+    """The posterior over the sets that neither their values nor validation data rule out.
 
     Args:
         base: fit of the base model.
-        explanations: all that were weighed.
-        validation: runs that no step has seen.
+        explanations: all fitted sets with their evidence.
+        validation: runs that no fit has used.
     """
     left, falsified = _possible(explanations)
     against: dict[str, Array] = {}
@@ -102,14 +103,14 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Validated:
-    """A set of effects with what the validation data say against each.
+    """A set of effects with the result of its validation.
 
     Attributes:
-        fit: of all of them, behind the observer that it needs without a discrepancy.
-        less: for each of them that without it, fitted again.
-        gains: of each of them, as in `Tenable`.
-        objections: to each of them.
-        worse_together: whether predictions surely get worse with all of them than with none.
+        fit: of the set, with the observer that it needs without a discrepancy.
+        less: for each effect the model without it, fitted again.
+        gains: of each effect, as in `Tenable`.
+        objections: evidence of the validation data against each effect.
+        worse_together: whether the prediction is significantly worse with the set than with the base model.
     """
 
     fit: Fit
@@ -120,7 +121,7 @@ class _Validated:
 
     @classmethod
     def of(cls, base: Fit, explanation: Explanation, validation: Log) -> _Validated:
-        """Of an explanation; without effects the fit is that of the base model."""
+        """Validate a set; without effects the fit is that of the base model."""
         names = sorted(explanation.names)
         fit = settled(explanation.fit, base.bandwidth) if names else base
         less = {name: base if len(names) == 1 else without(fit, name, base.bandwidth) for name in names}
@@ -137,25 +138,26 @@ class _Validated:
 def errors_of_many_steps(model: ServoModel, validation: Log) -> Array:
     """(T,) squared errors of multi-step prediction.
 
-    Errors of a simulation from end to end are one draw: where a run goes astray, all that follows does. Those of pieces
-    that begin anew are many.
+    The simulation restarts in each window. Errors of one long simulation are a single sample: once it deviates, all
+    later errors follow from that.
     """
     return squared_errors(validation, model, restart_window(validation))[0]
 
 
 def predicts_worse(less: Fit, fit: Fit, validation: Log) -> bool:
-    """Whether a fit surely predicts validation data worse than one of a model with less."""
+    """Whether a fit predicts validation data significantly worse than the fit of a smaller model."""
     before, after = (errors_of_many_steps(each.model, validation) for each in (less, fit))
     return _objection(less, fit, validation, cut(before, after)).worse > 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Objection:
-    """What validation data say against an effect.
+    """Evidence of the validation data against an effect.
 
     Attributes:
-        worse: share by which prediction errors surely rise with it; 0 where they do not.
-        against: (B,) log-likelihood that it gains on the validation data by block; the data may only take away.
+        worse: significant relative increase of the prediction error with the effect; 0 if there is none.
+        against: (B,) change of the log-likelihood of the validation data with the effect, by block; it counts only if
+            its sum is negative.
     """
 
     worse: float
@@ -163,11 +165,11 @@ class _Objection:
 
 
 def _objection(less: Fit, fit: Fit, validation: Log, gain: tuple[float, float]) -> _Objection:
-    """The objection to an effect, from a fit without it and one with it, and its gain over many steps.
+    """Evidence against an effect, from a fit without it, one with it, and its gain in multi-step prediction.
 
-    Errors of one step may not rise surely, those of many steps not to more than twice: what the log leaves open of a
-    small effect's parameters makes them a little larger too. Where one of the two surely falls, nothing speaks against
-    the effect.
+    The one-step error must not rise significantly. The multi-step error must not rise significantly to more than
+    double: uncertain parameters of a small effect alone can make it somewhat larger. If one of the two errors falls
+    significantly, there is no evidence against the effect.
     """
     bandwidth = max(less.bandwidth, fit.bandwidth)
     before, after = (_squared_innovations(validation, each, bandwidth) for each in (less, fit))
@@ -186,7 +188,7 @@ def _log_likelihood(squares: Array) -> Array:
 
 
 def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
-    """(T,) squared one-step prediction errors of a fit on runs that it has not seen, from fitted initial states."""
+    """(T,) squared one-step prediction errors of a fit on validation runs, from fitted initial states."""
     problem = Problem.of(replace(log, colour=fit.log.colour), fit.model, fixed=fit.model.names)
     begun = problem.pack(fit.model.values, first_states(log))
     values, initial = problem.unpack(problem.minimise(begun, bandwidth, 0.0).point)
@@ -196,7 +198,7 @@ def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
 
 
 def _possible(explanations: Collection[Explanation]) -> tuple[list[Explanation], dict[str, str]]:
-    """The explanations whose values a machine may have, and what is wrong with each name that none of them holds."""
+    """The sets with possible values, and for each effect that is in none of them the reason."""
     kept, falsified = [], dict[str, str]()
     for each in sorted(explanations, key=lambda each: -each.log_marginal):
         wrong = {name: why for name in sorted(each.names) if (why := _impossible(each, name)) is not None}
@@ -208,7 +210,7 @@ def _possible(explanations: Collection[Explanation]) -> tuple[list[Explanation],
 
 
 def _impossible(explanation: Explanation, name: str) -> str | None:
-    """Why a fitted effect cannot be there by its values; None if it can."""
+    """Why the values of a fitted effect rule it out; None if they do not."""
     fit = explanation.fit
     if name in unnamed:
         return None if np.isfinite(explanation.log_marginal) else "this log does not determine the curve"
@@ -222,7 +224,7 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     if sizes and all(_is_zero(value) for value in sizes.values()):
         return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
     gone = {key: value for key, value in torques.items() if fit[f"{name}.{key}"].at_bound and value.value == 0.0}
-    if gone:  # as of friction in one of two directions: then it only stands for a simpler cause
+    if gone:  # e.g. friction in one of two directions: then a simpler effect explains as much
         return f"its {_said(gone)} {'is' if len(gone) == 1 else 'are'} zero, at a bound"
     swings = [fit[f"{name}.{spec}"] for spec in _swings(name)]
     if any(line.at_bound or line.value is None for line in swings):
@@ -238,9 +240,9 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
 
 
 def _is_told_together(fit: Fit, size: str) -> bool:
-    """Whether a size would be told if the other parameters of its effect were known, and is not for them alone.
+    """Whether a size is undetermined only because it is collinear with other parameters of its effect.
 
-    As the stiffness of a stop that was touched once: with it the instant of the contact trades places.
+    An example is the stiffness of an end stop that was touched once: it is collinear with the position of the stop.
     """
     effect = size.split(".")[0]
     own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] == effect]
@@ -254,9 +256,9 @@ def _is_told_together(fit: Fit, size: str) -> bool:
 
 
 def _sizes(name: str) -> list[str]:
-    """Parameters of a known effect that say how large it is, and may be zero: with all of them zero nothing is there.
+    """Size parameters of a catalogue effect: if all of them are zero, the effect vanishes.
 
-    They count in torque, or are an angle that is not negative.
+    They are torques that may be zero, or angles that cannot be negative.
     """
     kind = catalogue.get(name)
     specs = () if kind is None else kind.parameters()
@@ -268,7 +270,7 @@ def _sizes(name: str) -> list[str]:
 
 
 def _swings(name: str) -> list[str]:
-    """Parameters of a known effect that are frequencies of a swing, of which samples show the slower ones only."""
+    """Parameters of a catalogue effect that are resonance frequencies; the sampling rate limits what can be seen."""
     kind = catalogue.get(name)
     return [] if kind is None else [spec.name for spec in kind.parameters() if spec.swing and spec.fitted]
 

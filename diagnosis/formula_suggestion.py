@@ -1,11 +1,9 @@
-"""What an unnamed curve looks like: a short formula, suggested from its knots and not fitted to the log.
+"""A short formula for a non-parametric curve, suggested from its knots and not fitted to the log.
 
-A ripple is told by its waves, as far as each has a hundredth of its power.
-
-
-Formulas of one or two terms are laid through the heights of the knots by least squares, weighted with what the log
-knows of them, beside what the model's own parameters may take over of the curve. One is told only where it leaves next
-to nothing of the curve, and one of two terms only where none of a single term does.
+Formulas of one or two terms are fitted to the heights of the knots by least squares, weighted with the information
+matrix of the heights. A viscous term is added for a curve over velocity, for viscous friction of the model can absorb
+it. A formula is reported only if it leaves less than a hundredth of the curve's weighted square; two terms are tried
+only if no single term does so. A ripple is reported by its harmonics with more than a hundredth of its power.
 """
 
 from __future__ import annotations
@@ -57,12 +55,12 @@ _TERMS: Mapping[str, Mapping[str, Term]] = {
         "u^3": lambda u: u**3,
     },
 }
-_TAKEN_OVER: Mapping[str, Term] = {"velocity": np.positive}  # by viscous friction
+_TAKEN_OVER: Mapping[str, Term] = {"velocity": np.positive}  # absorbed by viscous friction
 _SYMBOL = {"velocity": "v", "angle": "x", "torque": "u", "time": "t"}
 
 
 def suggested_formula(fit: Fit) -> str | None:
-    """A sentence with the formula that what has no name in a fitted model looks like over one variable, or None."""
+    """A sentence with a formula for the non-parametric ripple or curve of a fitted model, or None."""
     over, law = _of_a_ripple(fit) or _of_a_curve(fit) or ("", "")
     if not law:
         return None
@@ -74,7 +72,7 @@ def suggested_formula(fit: Fit) -> str | None:
 
 
 def _of_a_ripple(fit: Fit) -> tuple[str, str] | None:
-    """Variable and waves of a ripple of the torque."""
+    """Variable and harmonics of a torque ripple."""
     ripple = next((effect for effect in fit.model.effects if isinstance(effect, Ripple)), None)
     if ripple is None or ripple.stage is not Stage.LOAD:
         return None
@@ -88,7 +86,7 @@ def _of_a_ripple(fit: Fit) -> tuple[str, str] | None:
 
 
 def _of_a_curve(fit: Fit) -> tuple[str, str] | None:
-    """Variable and formula of a curve, if one describes it."""
+    """Variable and formula of a curve, if a formula describes it."""
     curve = next((effect for effect in fit.model.effects if type(effect) in plain.values()), None)
     if not isinstance(curve, Curve) or curve.over not in _TERMS:
         return None
@@ -135,7 +133,7 @@ def formula_terms(over: str, places: Array, heights: Array, information: Array) 
 
 
 def _left(root: Array, columns: list[Array], heights: Array) -> tuple[float, Array]:
-    """Weighted square that columns leave of the heights, and their sizes."""
+    """Weighted square of the heights after a least-squares fit of the columns, and the coefficients."""
     if not columns:
         return float(np.sum((root @ heights) ** 2)), np.zeros(0)
     shape = np.column_stack(columns)

@@ -1,4 +1,4 @@
-"""What an extended model is worth on validation data, which may reject an effect but choose no value."""
+"""The gain of an extended model on validation data. These may reject an effect, but no parameter is fitted to them."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
-_IRREGULAR, _MORE = 0.05, 3.0  # spread of the sample time; times the noise that the readings themselves show
-_HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
-_SAMPLES = 200  # between restarts at least, where nothing pulls the load back
-_PIECES = 60  # of the longest run, however fast the sampling
-_STARTS = 0.2  # of the time between restarts: where the output is looked at to find the state
+_IRREGULAR, _MORE = 0.05, 3.0  # relative spread of the sample time; ratio of the noise floor to the measured noise
+_HUGE = 1e50  # error in place of one that overflowed; its fourth power is still finite
+_SAMPLES = 200  # least number of samples between restarts
+_PIECES = 60  # largest number of windows in the longest run, at any sampling rate
+_STARTS = 0.2  # share of the window from which the initial state is estimated
 
 
 def restart_window(log: Log) -> float:
-    """Seconds between restarts of a simulation, in which a slow servo and a fast one do about the same."""
+    """Seconds between restarts of a simulation: the larger of 200 samples and a sixtieth of the longest run."""
     return max(_SAMPLES, max(map(len, log.runs)) / _PIECES) * log.sample_time
 
 
 def scoring_window(*path: Fit) -> float | None:
     """Seconds between restarts of the scoring simulation of a path of models; None for whole runs.
 
-    Without gravity or a position loop a servo integrates, and the error of a long simulation shows drift, not physics.
-    The same holds where the base model, simulated freely over the runs that it was fitted to, does worse than a
-    constant, and for effects that are chaotic.
+    Without gravity or a position loop a servo integrates, so the error of a long simulation is drift. The simulation
+    also restarts if a free simulation of the base model over its estimation runs is worse than a constant, or if an
+    effect is chaotic.
     """
     log, model = path[0].log, path[0].model
     if any(fit.model.chaotic for fit in path):
@@ -47,7 +47,7 @@ def scoring_window(*path: Fit) -> float | None:
 
 
 def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[Array, list[Array]]:
-    """(T,) square of measured less simulated for all valid samples, and the simulations; what overflows is huge."""
+    """(T,) squared simulation errors of all valid samples, bounded in case of overflow, and the simulations."""
     settle = _STARTS * (restart_window(log) if window is None else window)
     simulated = free_simulation(log, model, window=window, settle=settle)
     errors = np.concatenate([(r.measured - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
@@ -55,14 +55,14 @@ def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[A
 
 
 def bounded(errors: Array) -> Array:
-    """Errors (T,) of which the squares, and the variance of those, are numbers also where a simulation overflowed."""
+    """Errors (T,) clipped so that their squares and the variance of these are finite after an overflow."""
     return np.asarray(np.nan_to_num(np.clip(errors, -_HUGE, _HUGE), nan=_HUGE))
 
 
 def standard_errors(gained: Array) -> float:
-    """Mean of a record (T,) of what was gained, sample by sample, in standard errors over blocks of it.
+    """Mean of a record (T,) of gains per sample, divided by its standard error over blocks of the record.
 
-    The test of Diebold and Mariano (1995) for which of two predictors is better.
+    This is the test of Diebold and Mariano (1995) that compares two predictors.
     """
     count = min(BLOCKS, gained.size)
     if count < 2:
@@ -79,7 +79,7 @@ def rms(errors: Array) -> tuple[float, float]:
 
 
 def cut(before: Array, after: Array) -> tuple[float, float]:
-    """Share by which a root mean square fell, from the squares (T,) before and after, and its standard error [-]."""
+    """Relative reduction of a root mean square, from the squares (T,) before and after, and its standard error [-]."""
 
     def share(was: float, still: float) -> float:
         return 1.0 - float(np.sqrt(still / was)) if was > 0.0 else 0.0
@@ -109,14 +109,14 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tup
 
 
 def _floor_name(fit: Fit) -> str:
-    """What the least error of a fit is: noise of the reading, or more than its readings and their times show of it."""
+    """Name of the least error of a fit: a noise floor only with regular sampling and about the measured noise."""
     noise = max(reading_noise(run) for run in fit.log.runs)
     irregular = any(np.diff(run.time).std() > _IRREGULAR * run.sample_time for run in fit.log.runs)
     return "one-step error" if irregular or fit.noise_floor > _MORE * noise else "noise floor"
 
 
 def remaining(gain: Gain, depends_on: tuple[str, ...]) -> Unexplained:
-    """Share of the held-out error power above the noise floor that is still there."""
+    """Share of the validation error power above the noise floor that remains with the extended model."""
     share = _share(gain.held_out_rms_before**2, gain.held_out_rms_after**2, gain.noise_floor**2)
     return Unexplained(share=share, depends_on=depends_on)
 
@@ -127,11 +127,11 @@ def _share(before: float, after: float, floor: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class GainErrors:
-    """Standard errors of what a diagnosis says of held-out data.
+    """Standard errors of the results of a diagnosis on validation data.
 
     Attributes:
         before, after: of the root mean squares with the base and the extended model [rad or m].
-        cut: of the share by which the error fell [-].
+        cut: of the relative reduction of the error [-].
         noise_floor: of the measurement noise that the extended model leaves [rad or m].
         share: of the error power above the noise floor that remains [-].
     """
@@ -144,7 +144,7 @@ class GainErrors:
 
 
 def gain_errors(found: Findings) -> GainErrors:
-    """How surely the held-out runs of a diagnosis tell what it says of them."""
+    """Standard errors of the gain of a diagnosis, from the errors on its validation runs."""
     before, after = (
         bounded(np.concatenate([(run.measured - path)[run.valid] for run, path in simulated])) ** 2
         for simulated in ([(r, r.before) for r in found.replays], [(r, r.after) for r in found.replays])

@@ -1,7 +1,7 @@
-"""What the held-out data say of the extended model's parameters: the same model fitted to them alone, for comparison.
+"""The extended model fitted to the validation data alone, to compare its parameters.
 
-It comes after everything is decided, and nothing is taken over from it. Two logs of one machine differ where it changed
-in between, and where the one excites what the other does not.
+This comparison follows after the verdict and changes nothing. The estimates differ if the machine has changed between
+the logs, or if one log excites what the other does not.
 """
 
 from __future__ import annotations
@@ -19,13 +19,16 @@ from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
 
 _APART = 4.0  # standard errors from which two estimates differ
-_MATTERS = 0.05  # of the estimate, or in rad of a phase; less is of no use to anybody
-_SHARPER = 5.0  # times smaller standard error, from which the held-out data are said to tell a parameter
+_MATTERS = 0.05  # smallest relevant difference: relative, or in rad for a phase
+_SHARPER = 5.0  # ratio of the standard errors from which the validation data determine a parameter much better
 
 
 @dataclass(frozen=True, kw_only=True)
 class HoldoutDifference:
-    """One parameter that the held-out data have otherwise, or tell far better; without a value where only they do."""
+    """A parameter with a different or far more precise estimate on validation data.
+
+    `value` is None if only the validation data determine it.
+    """
 
     parameter: str
     value: float | None
@@ -44,7 +47,7 @@ class HoldoutDifference:
 
 
 def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]:
-    """Parameters of a fit that differ by more than four standard errors on held-out data, or are far surer there."""
+    """Parameters of a fit that differ by more than four standard errors on validation data, or are more precise."""
     problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, known=fit.known)
     at_first = first_states(holdout)
     tried = [
@@ -59,7 +62,7 @@ def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]
 
 
 def _starts(fit: Fit) -> list[Array]:
-    """The fitted values (P,), and the same with the phases of waves turned by quarters: a descent turns none far."""
+    """The fitted values (P,), and the same with all phases shifted by quarters of a turn: a descent shifts none far."""
     phases = [place for place, name in enumerate(fit.model.names) if name.endswith(".phase")]
     quarters = 0.5 * np.pi * np.arange(4 if phases else 1)
     starts = [fit.model.values for _ in quarters]

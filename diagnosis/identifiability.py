@@ -1,10 +1,9 @@
-"""What a log cannot show, whatever the machine has, and what to do about it.
+"""Which effects a log cannot identify on any machine, and what to change in the experiment.
 
-Each question is a torque: gravity's cos x, friction's sgn v, and so on along the fitted motion. It passes through the
-linearised predictor; what the companions that a log may confuse it with can imitate is projected out, and the rest says
-how surely its size could be told. Where three standard errors are worth more than the torque of the log, the log is
-blind to it. This is the Cramer-Rao bound of that size, with the noise that the fit has found. Why it is blind is said
-of the motion as it was measured, and only where that is so.
+Each question is about the size of one torque along the fitted motion: cos x for gravity, sgn v for dry friction, and so
+on. The torque passes through the linearised predictor, the regressors of confounded torques are projected out, and the
+rest gives the Cramer-Rao bound of the size, with the noise of the fit. If three standard errors exceed the rms torque
+of the log, the log does not identify the size. The reason is given from the measured motion, only if it applies.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from plant.effects import Motion
 from plant.effects.effect import Array
 
 _SURE = 3.0  # standard errors
-_SLOW = 0.1  # share of the greatest speed at which the hump of breaking away has fallen to a third
+_SLOW = 0.1  # share of the highest speed at which the modelled breakaway torque has fallen to 1/e
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Question:
-    """One size that a log may leave open, what it may be confused with, and how to ask better."""
+    """One size that a log may not identify, the torques it is confounded with, and advice for the experiment."""
 
     about: str
     companions: tuple[str, ...]
@@ -77,9 +76,10 @@ _NOISE = "its part in this motion is smaller than the noise; record a longer log
 
 
 def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
-    """One sentence for each size that the log of a fit cannot tell, with what to do next; none for a telling log.
+    """One sentence with advice for each size that the log of a fit does not identify; empty if there is none.
 
-    Of what the fit of an `extended` model to the same log has told nothing is said: what a model lacks is no noise.
+    A size that the fit of an `extended` model to the same log determines is left out: in the base fit, errors of the
+    model count as noise.
     """
     still = standstill(fit)
     if still is not None:
@@ -104,9 +104,9 @@ def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
 
 
 def standstill(fit: Fit) -> str | None:
-    """That the load does not move and what to do, where noise alone accounts for what the sensor has shown.
+    """A sentence with advice if the load does not move: noise alone explains the spread of the measurement. Else None.
 
-    White noise wiggles from sample to sample as much as that. What a model does not follow is no noise.
+    The noise is the smaller of that of the fit and that from second differences; errors of a model are not noise.
     """
     seen = [run.measured[run.valid] for run in fit.log.runs]
     spread = _rms(np.concatenate([each - each.mean() for each in seen]))
@@ -123,7 +123,7 @@ def standstill(fit: Fit) -> str | None:
 
 
 def _columns(motion: Motion, fit: Fit) -> dict[str, Array]:
-    """(T,) torque on the load per unit of each size [N m per unit]."""
+    """(T,) torque on the load per unit of each size [N m/unit]."""
     fastest = max(float(np.quantile(np.abs(motion.velocity), 0.99)), 1e-300)
     columns = {
         "inertia": -motion.acceleration,
@@ -141,7 +141,7 @@ def _columns(motion: Motion, fit: Fit) -> dict[str, Array]:
 
 
 def _standard_error(seen: dict[str, Array], question: _Question) -> float:
-    """Of a size beside its companions, in its unit, for noise of unit size."""
+    """Standard error of a size beyond its confounded torques, in its unit, for noise of unit size."""
     own = seen[question.about]
     others = np.column_stack([seen[name] for name in question.companions if name in seen])
     others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
@@ -150,18 +150,18 @@ def _standard_error(seen: dict[str, Array], question: _Question) -> float:
 
 
 def _is_told(question: _Question, fit: Fit) -> bool:
-    """Whether a fit has told a size beside its companions; of viscous friction one that knows of dry friction."""
+    """Whether a fit determines a size; viscous friction only if the model has an effect beyond the dead zone."""
     if question.about == "viscous" and {effect.name for effect in fit.model.effects} <= {"dead_zone"}:
         return False
     name = {"inertia": "inertia", "viscous": "viscous_friction"}.get(question.about)
     if name is None:
         return False
-    lines = [p for p in fit.parameters if p.name.split("[")[0] == name]  # one a run where it differs from run to run
+    lines = [p for p in fit.parameters if p.name.split("[")[0] == name]  # one per run if it differs between runs
     return all(p.value is not None and p.std is not None and abs(p.value) > _SURE * p.std for p in lines)
 
 
 def _reasons(fit: Fit) -> dict[str, str | None]:
-    """What the measured motion lacks for each size to show, None where it lacks nothing."""
+    """For each size, what the measured motion lacks to identify it; None if nothing."""
     moved = MeasuredMotion.of(fit.log)
     return {
         "gravity": moved.gravity(),

@@ -1,4 +1,4 @@
-"""How surely a record tells what is calculated from it: by leaving out one stretch of it after the other."""
+"""Standard errors of statistics of a record, by the jackknife over blocks."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from plant.effects.effect import Array
 
 BLOCKS = 20
-"""Stretches into which a record is cut; each must be longer than its errors remember."""
+"""Number of blocks of a record; each must be longer than the correlation time of the errors."""
 
 
 def jackknife(statistic: Callable[..., float], *records: Array) -> float:
     """Standard error of a function of the means of records, by the jackknife over blocks (Kuensch 1989).
 
-    Unlike formulas for independent samples it holds where errors last for many samples, as those of a simulation do.
+    Unlike formulas for independent samples it holds for errors that are correlated over many samples, as in simulation.
 
     Args:
-        statistic: takes the mean of each record; of a root mean square it is the root, and the record the squares.
+        statistic: function of the mean of each record; for a root mean square the root, with the squares as record.
         records: (T,) each, of the same samples.
 
     Returns:
-        sqrt((B - 1) / B * sum of (statistic without block b - their mean)^2); 0 of a single sample.
+        sqrt((B - 1) / B * sum of (statistic without block b - their mean)^2); 0 for a single sample.
     """
     count = min(BLOCKS, records[0].size)
     if count < 2:

@@ -1,20 +1,20 @@
-"""The levels from which something is said, or left out: the same ones everywhere."""
+"""Thresholds of the diagnosis, shared by all modules."""
 
 from __future__ import annotations
 
 import numpy as np
 
 SURE = 0.9
-"""Probability from which something is sure, and share from which it is nearly all; what is left is next to nothing."""
+"""Probability above which a result counts as certain, and share above which it counts as nearly all."""
 LIKELY = 0.5
-"""Probability from which an effect is told, and is in the model: then it is likelier there than not."""
+"""Probability above which an effect is reported and in the extended model."""
 CLEARLY = float(np.log(SURE / (1.0 - SURE)))
-"""Log Bayes factor that makes sure of what was as likely as not."""
+"""Log Bayes factor that raises a prior probability of 0.5 to `SURE`."""
 HARDLY_EVER = float(np.log(1000.0))
-"""Log odds against what hardly ever comes: odd values, a curve that nobody asked for, or a promise that is so wrong."""
+"""Log odds of 1000 to 1: margin for linearised evidence and for added curves, and significance of rare events."""
 SURELY = 3.0
-"""Standard errors from which validation data speak for or against something."""
+"""Standard errors from which a result on validation data is significant."""
 TWICE = 1.0
-"""Rise of an error from which it is another one."""
+"""Relative increase of an error, to double, up to which it is tolerated."""
 INEXACT = 0.01
-"""Share by which laws and models are wrong: of a torque no name explains, and of an effect its own law."""
+"""Relative error of models: prior scale of the unmodelled torque, and of the law of an effect."""

@@ -1,8 +1,8 @@
-"""The predictor linearised along a log: what a small torque on the load, or error of the reading, does to innovations.
+"""The predictor linearised along a log: response of the innovations to a small load torque or measurement error.
 
     s[k+1] = A[k] (s[k] + gain[k] de[k]) + B[k] d[k],      de[k] = -C[k] s[k] - r[k],
 
-with d a torque on the load and r an error of the reading. Many of them are followed side by side.
+with d a torque on the load and r an error of the measurement. Several inputs are simulated in parallel.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from plant.effects.given_load import GivenLoad
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 
-AT_ONCE = 16  # columns that are followed side by side
+AT_ONCE = 16  # columns that are simulated in parallel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,12 +32,12 @@ class Linear:
     """The predictor of one run, linearised along its path.
 
     Attributes:
-        closed_loop: (T, n, n) next state by state, the observer's correction included.
-        by_torque: (T, n) next state by a torque on the load.
-        by_reading: (T, n) next state by an error of the reading.
-        seen: (T, n) reading by state.
-        weight: (T,) one where the sample counts.
-        colour: autoregression of the reading's noise, which is taken out of the innovations.
+        closed_loop: (T, n, n) derivative of the next state by the state, the observer's correction included.
+        by_torque: (T, n) derivative of the next state by a torque on the load.
+        by_reading: (T, n) derivative of the next state by an error of the measurement.
+        seen: (T, n) derivative of the measurement by the state.
+        weight: (T,) one for valid samples, else zero.
+        colour: autoregressive coefficients of the measurement noise; the innovations are whitened with them.
     """
 
     closed_loop: Array
@@ -48,7 +48,7 @@ class Linear:
     colour: tuple[float, ...] = ()
 
     def response(self, columns: Array, *, on_reading: bool = False) -> Array:
-        """(T, M) change of the innovations by torques (T, M), or by errors of the reading."""
+        """(T, M) change of the innovations by torques (T, M), or by errors of the measurement."""
         path = self.by_reading if on_reading else self.by_torque
         parts = [
             follow(self.closed_loop, path, self.seen, columns[:, first : first + AT_ONCE])
@@ -73,7 +73,7 @@ class Linear:
 
 
 def follow(transition: Array, path: Array, seen: Array, columns: Array) -> Array:
-    """(T, M) what is seen, C[k] z[k], of z[k+1] = A[k] z[k] + B[k] u[k] from z[0] = 0.
+    """(T, M) outputs C[k] z[k] of z[k+1] = A[k] z[k] + B[k] u[k] from z[0] = 0.
 
     Args:
         transition: (T, n, n) A.
@@ -105,23 +105,23 @@ def _side_by_side(n: int) -> Any:
 
 
 def response(runs: tuple[Linear, ...], columns: Array, *, on_reading: bool) -> Array:
-    """(T, M) change of the innovations of all runs by torques (T, M), or by errors of the reading."""
+    """(T, M) change of the innovations of all runs by torques (T, M), or by errors of the measurement."""
     pieces = np.split(columns, np.cumsum([linear.weight.size for linear in runs])[:-1])
     parts = [linear.response(piece, on_reading=on_reading) for linear, piece in zip(runs, pieces, strict=True)]
     return parts[0] if len(parts) == 1 else np.vstack(parts)
 
 
 def score(runs: tuple[Linear, ...], innovations: Array) -> tuple[Array, Array]:
-    """How much a load torque at each sample alone would lower half the squared innovations, and so an error of reading.
+    """Negative gradient of half the squared innovations by load torques and measurement errors, one at each sample.
 
-    By the adjoint of the predictor: one pass backwards instead of one pass for every sample.
+    It is calculated with the adjoint of the predictor: one backward pass instead of one pass for every sample.
 
     Args:
         runs: the predictor along each run.
-        innovations: (T, M) of all runs, M times others, at most `AT_ONCE`.
+        innovations: (T, M) of all runs, M vectors of innovations, at most `AT_ONCE`.
 
     Returns:
-        (T, M) per unit of torque, (T, M) per unit of the reading.
+        (T, M) per unit of torque, (T, M) per unit of the measurement.
     """
     ends = np.cumsum([linear.weight.size for linear in runs])
     pieces = np.split(innovations, ends[:-1])
@@ -165,9 +165,9 @@ def linearised(
 
 @recursion(carried=0)
 def _slopes(structure: Structure, substeps: int, positioned: bool, response: Response) -> Any:
-    """(state, inputs) at each sample, parameters -> derivative of the next state by torque and state, of the reading.
+    """(state, inputs) at each sample, parameters -> derivatives of the next state and of the measurement.
 
-    It carries nothing: each sample stands alone.
+    The derivatives are by torque and state. Each sample is independent of the others.
     """
     probe = structure.model
     n, load = len(probe.states), probe.names.index("given_load.torque")

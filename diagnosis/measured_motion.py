@@ -1,7 +1,7 @@
-"""How the load moved, as the sensor saw it: what a sentence about the motion may say, whatever a fit made of the log.
+"""The measured motion of the load, for sentences about the motion that do not depend on a fit.
 
-The speed is the slope of the angle behind a Gaussian filter, the narrowest whose noise is small beside the speed. The
-noise of the reading is told from its sixth differences, which leave nothing of the motion.
+The speed is the derivative of the angle after a Gaussian filter, the narrowest one with small noise compared with the
+speed. The measurement noise is estimated from sixth differences, from which smooth motion vanishes.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from identification.log import Log
 from identification.run import Run
 from plant.effects.effect import Array
 
-_CLEAR = 0.03  # share of the speed that its noise may have
+_CLEAR = 0.03  # largest ratio of noise to rms speed
 _WIDTHS = (1.0, 2.0, 4.0, 8.0, 16.0)  # standard deviations of the filter, in samples
-_SLOW = 0.1  # share of the greatest speed at which the hump of breaking away has fallen to a third
+_SLOW = 0.1  # share of the highest speed at which the modelled breakaway torque has fallen to 1/e
 _FEW = 0.05  # a share that counts as hardly any
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredMotion:
-    """What the sensor and the command show.
+    """Properties of the measured motion and torque.
 
     Attributes:
-        turned: farthest way between two places [rad or m].
-        back: share of all the way that was made in the lesser direction [-].
+        turned: largest range of angles or positions in a run [rad or m].
+        back: share of the travel in the direction with less travel [-].
         fastest, slowest: speed [rad/s or m/s]; the fastest is the 99 % quantile.
         slow: share of the time below a tenth of the fastest speed [-].
-        spread: standard deviation of the speed's size while the load moves, as a share of its mean [-].
-        change: standard deviation of the speed as a share of its root mean square [-].
-        through: share of the torque's time with the lesser of its signs [-].
+        spread: standard deviation of the absolute speed while the load moves, divided by its mean [-].
+        change: standard deviation of the speed divided by its root mean square [-].
+        through: share of the time in which the torque has its less frequent sign [-].
     """
 
     turned: float
@@ -65,16 +65,16 @@ class MeasuredMotion:
         )
 
     def gravity(self) -> str | None:
-        """Why gravity may not show."""
+        """Why the motion may not identify gravity; None if it may."""
         turned = float(np.degrees(self.turned))
         return None if turned >= 90.0 else f"the load turns by {turned:.2g} degrees only"
 
     def dry(self) -> str | None:
-        """Why dry friction may not show."""
+        """Why the motion may not identify dry friction; None if it may."""
         return None if self.back > _FEW else f"the load {'hardly' if self.back > 0.0 else 'never'} turns back"
 
     def breakaway(self, speed: str) -> str | None:
-        """Why stiction may not show; `speed` is its unit."""
+        """Why the motion may not identify stiction, None if it may; `speed` is the unit of speed."""
         if self.slow > _FEW:
             return None
         if self.slowest > _FEW * self.fastest:
@@ -82,26 +82,26 @@ class MeasuredMotion:
         return f"the load is slower than {_SLOW * self.fastest:.2g} {speed} in {100.0 * self.slow:.2g} % of the time"
 
     def zone(self) -> str | None:
-        """Why a dead zone may not show."""
+        """Why the torque may not identify a dead zone; None if it may."""
         return None if self.through > _FEW else f"the torque {'hardly' if self.through else 'never'} changes its sign"
 
     def viscous(self) -> str | None:
-        """Why viscous friction may not show."""
+        """Why the motion may not identify viscous friction; None if it may."""
         return None if self.spread > 2 * _FEW else "the load moves at one speed only"
 
     def inertia(self) -> str | None:
-        """Why inertia may not show."""
+        """Why the motion may not identify inertia; None if it may."""
         return None if self.change > 2 * _FEW else "the load hardly speeds up"
 
 
 def reading_noise(run: Run) -> float:
-    """Standard deviation of what the readings of a run hold beside any smooth motion, rounding included [rad or m]."""
+    """Standard deviation of the measurement noise of a run, quantisation included [rad or m]."""
     output = run.output[run.valid]
     return float(np.std(np.diff(output, 6)) / np.sqrt(924.0)) if output.size > 12 else 0.0
 
 
 def speed_of(run: Run) -> Array:
-    """(N,) measured speed of a run at even times [rad/s or m/s], without its ends."""
+    """(N,) measured speed of a run at equidistant times [rad/s or m/s], without its ends."""
     clock = run.time[0] + run.sample_time * np.arange(round(run.duration / run.sample_time) + 1)
     output = np.interp(clock, run.time[run.valid], run.output[run.valid])
     noise, speed = reading_noise(run), np.gradient(output, run.sample_time)

@@ -1,4 +1,4 @@
-"""The motion of a fitted model, along which effects draw their traces."""
+"""The motion of a fitted model, along which the signatures of effects are calculated."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from plant.servo import ServoModel
 def motion_of(
     fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth: float, scores: tuple[Array, Array]
 ) -> Motion:
-    """The model's motion, for the effects to draw their traces along.
+    """The model's motion, from which effects calculate their traces.
 
-    A position servo acts on its reading, and on the speed of this motion: a slope of the readings would hold the noise
-    of those to come, and could explain it.
+    The torque of a position servo is calculated from its measurement and from the speed of this motion. A derivative of
+    the measurement would contain the noise of later samples and could explain it.
     """
     runs = problem.log.runs
     velocity = np.concatenate([p.states[1] for p in predictions])
@@ -61,12 +61,12 @@ def motion_of(
 
 
 def turn_of(axis: Axis) -> float:
-    """A turn of a load on such an axis [rad]; 0 where it has none."""
+    """One turn of the load [rad]; 0 on a linear axis."""
     return TURN if axis == "rotary" else 0.0
 
 
 def _arriving(model: ServoModel, torque: Array, velocity: Array) -> Array:
-    """(T,) what of a torque (T,) arrives at the load when every lag has settled [N m]."""
+    """(T,) torque at the load for a commanded torque (T,), in steady state of all lags [N m]."""
     return _settled(Structure(model))((), np.column_stack((torque, velocity)), model.values)[1][0][:, 0]
 
 

@@ -1,8 +1,8 @@
-"""Standard errors where the likelihood is a mountain range: by how much parts of the log disagree.
+"""Standard errors for a multimodal likelihood: the scatter of the estimates over parts of the log.
 
-Which of the peaks a fit has climbed is chance, and the curvature of that one says nothing of the others. Each fifth of
-the log is therefore fitted by itself, among the shapes that look alike too. A fit of the whole stands on one peak as
-each of them does: their scatter is its standard error, not divided by the root of their number.
+A fit ends at one of the local maxima by chance, and the curvature there says nothing about the others. Therefore each
+fifth of the log is fitted separately, from similar shapes too. The fit of the whole log also ends at one maximum, so
+the scatter is its standard error without division by the root of the number of parts.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 _PARTS = 5
-_FEWEST = 3  # parts whose scatter says something
+_FEWEST = 3  # least number of fitted parts
 _SHORTEST = 100  # samples of a part of a run
 
 
 def on_its_best_peak(fit: Fit, without: Mapping[str, Fit]) -> Fit:
-    """A fit whose chaotic effects stand on the best peak that is found, with standard errors that know of the others.
+    """A fit with its chaotic effects at the best local maximum found, with standard errors that include the others.
 
     Args:
         fit: of all effects.
@@ -44,7 +44,7 @@ def on_its_best_peak(fit: Fit, without: Mapping[str, Fit]) -> Fit:
 
 
 def with_scatter(fit: Fit) -> Fit:
-    """The fit with standard errors of its chaotic effects' parameters that know of the other peaks."""
+    """The fit with standard errors of the chaotic effects' parameters that include the other local maxima."""
     stds = {
         name: std
         for effect in fit.model.effects
@@ -59,7 +59,7 @@ def with_scatter(fit: Fit) -> Fit:
 
 
 def scatter_over_parts(fit: Fit, effect: Effect) -> dict[str, float]:
-    """Standard deviation over parts of the log of each parameter of an effect in a fit; none of too short a log."""
+    """Standard deviation of each parameter of an effect over parts of the log; empty if the log is too short."""
     found = in_threads(partial(_alone, fit.model.without_effect(effect.name), effect), _parts(fit.log))
     values = np.array([each for each in found if each is not None])
     if len(values) < _FEWEST:
@@ -69,7 +69,7 @@ def scatter_over_parts(fit: Fit, effect: Effect) -> dict[str, float]:
 
 
 def _parts(log: Log) -> list[Log]:
-    """The log with the first fifth of each run, with the second, and so on; none where that is too short."""
+    """Five logs, each with one fifth of every run; empty if these are too short."""
     if min(len(run) for run in log.runs) < _PARTS * _SHORTEST:
         return []
     return [
@@ -79,7 +79,7 @@ def _parts(log: Log) -> list[Log]:
 
 
 def _alone(rest: ServoModel, effect: Effect, part: Log) -> Array | None:
-    """Fitted values of an effect in a part of the log, the rest of the model but for its inertia as it is."""
+    """Values of an effect fitted to a part of the log; a base fit frees only the inertia."""
     try:
         base = Problem.of(part, rest, fixed=[name for name in rest.names if name != "inertia"]).solve()
         begun = problem_near(base, base.model.with_effect(effect)).descend(base)

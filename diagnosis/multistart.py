@@ -1,4 +1,4 @@
-"""The best among shapes of an effect that look alike: a likelihood with many peaks is climbed from several places."""
+"""The best among similar shapes of an effect: a multimodal likelihood is maximised from several starts."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from identification.fit_result import Fit
 from identification.threads import in_threads
 from plant.effects import Effect
 
-_WAYS = 2  # from all over the range, that are followed to the end
-_NEARER = (1, 2, 2, 2, 2, 2)  # stages of a search near by, ever finer; the finest as long as it finds better shapes
-_FIRST_STEP = 2  # evaluations after which shapes are compared: where they are, and one step on
-_SMOOTHER = 0.2  # of the bandwidth before, below which a multimodal likelihood is not looked at from afar
+_WAYS = 2  # number of starts from the whole range that are pursued to the end
+_NEARER = (1, 2, 2, 2, 2, 2)  # stages of the local search, finer and finer; the last repeats while the fit improves
+_FIRST_STEP = 2  # iterations after which starts are compared
+_SMOOTHER = 0.2  # least observer bandwidth, as a share of that without the effect
 
 
 def multistart_refit(fit: Fit, found: Fit, name: str) -> Fit:
-    """What a refit of a fit with one effect more found, or better: the best among the shapes that look alike.
+    """The best fit with an added effect among its similar shapes; `fit` is without the effect, `found` with it.
 
-    Then what the effect states is fitted too; where that fits clearly better all is searched anew.
+    Then the fixed parameters of the effect are freed. If this improves the fit by more than the cost of the added
+    parameters, the search is repeated.
     """
     best = best_similar_shape(fit, found, name)
     effect = best.model.effect(name)
@@ -34,9 +35,9 @@ def multistart_refit(fit: Fit, found: Fit, name: str) -> Fit:
 
 
 def best_similar_shape(fit: Fit, found: Fit, name: str) -> Fit:
-    """The same with what the effect states as it is.
+    """The same without freeing fixed parameters.
 
-    Two ways are followed from all over the range: only at its end is seen which of them leads up the higher peak.
+    The two best starts from the whole range are pursued: only at the end it is clear which maximum is higher.
     """
     afar = _climbed(fit, found, name, _similar_shapes(found, name, stage=0), most=_WAYS)
     ways = sorted((found, *afar), key=_height)[-_WAYS:]
@@ -54,9 +55,9 @@ def _nearer(fit: Fit, best: Fit, name: str) -> Fit:
 
 
 def _height(fit: Fit) -> float:
-    """Of a peak: where the likelihood is multimodal, half of it as seen behind an observer that makes it smooth.
+    """Log-likelihood of a fit; for a chaotic model its mean with that of an observer that stabilises the prediction.
 
-    There the peak of a free simulation is as high as chance will have it, and the smooth one is blunt.
+    The height of a maximum in free simulation depends on chance; with the observer the maximum is smooth but flat.
     """
     held = fit.held_log_likelihood
     return fit.log_likelihood if held is None else 0.5 * (fit.log_likelihood + held)
@@ -68,9 +69,9 @@ def _similar_shapes(fit: Fit, name: str, stage: int) -> tuple[Effect, ...]:
 
 
 def _climbed(fit: Fit, best: Fit, name: str, others: Sequence[Effect], *, most: int) -> list[Fit]:
-    """From the most promising of other shapes of an effect, if there are any: at the bandwidth of the best so far.
+    """Fits from the best of other shapes of an effect, if there are any, at the bandwidth of the best fit so far.
 
-    Behind the observer of the model without the effect a fine shape is forgotten, and which peak is climbed is chance.
+    With the faster observer of the model without the effect, fine details are lost and the maximum reached is random.
     """
     rest = best.model.without_effect(name)
     at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)

@@ -1,8 +1,8 @@
-"""Non-parametric residual model of the unmodelled torque: curves, varying laws, loops and ripples.
+"""Non-parametric model of the unmodelled torque: curves, varying laws, loops and ripples.
 
-The named effects keep their values; what describes best what they leave is added, and what describes best what that
-leaves. Each must predict a part of the log that it was not fitted to better than the model without, and then pay for
-its parameters on the whole log.
+The effects of the catalogue keep their values. Non-parametric effects are added one after the other, at most two. Each
+must predict a part of the log that it was not fitted to better than the model without it, and its gain in
+log-likelihood on the whole log must exceed the cost of its parameters.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
-_MOST = 2  # things without a name that a model may carry: each further one is found by chance more easily
+_MOST = 2  # largest number of non-parametric effects: each further one is more easily found by chance
 _LASTING = [kind for kind in unnamed.values() if not kind.clocked and kind.stage is not Stage.ACTUATOR]
-"""Over time nothing would go on, and a lag is no part of what is left, but the place of a name."""
-_AT_ONCE = 3  # kinds that are tried before the best of them is taken
+"""Kinds that can be added: no curve over time, for it does not hold beyond the log, and no effect of the actuator."""
+_AT_ONCE = 3  # kinds that are tried together; the best of them is taken
 
 
 def with_curves(fit: Fit, base: Fit) -> Fit:
-    """A fit with what has no name beside its effects, as much as pays.
+    """A fit with non-parametric effects added, as long as they improve it.
 
     Args:
-        fit: of the named effects.
+        fit: with the effects of the catalogue.
         base: of the model without them.
     """
     named = [name for name in fit.model.names if name not in base.model.names]
@@ -51,7 +51,7 @@ def with_curves(fit: Fit, base: Fit) -> Fit:
 
 
 def _better(fit: Fit, named: Collection[str]) -> Fit | None:
-    """The fit with one thing more that predicts better and pays, of those that promise most; None where none does."""
+    """The fit with one more non-parametric effect that predicts better and exceeds its cost; None without one."""
     starts = [start for _, start in promising(Screen.of(fit), _LASTING)]
     if not starts:
         return None
@@ -79,19 +79,19 @@ def _beside(fit: Fit, start: Nonparametric, held: Collection[str] = ()) -> Probl
 
 
 def _worth(fit: Fit, than: Fit) -> float:
-    """Log-likelihood that a fit gains over a simpler one, less half a log(samples) for each parameter (Schwarz)."""
+    """Gain in log-likelihood over a simpler fit, less 1/2 log(samples) for each added parameter (Schwarz)."""
     more = sum(fit.model.names[place] not in than.model.names for place in fit.free)
     return fit.log_likelihood - than.log_likelihood - 0.5 * more * float(np.log(fit.samples))
 
 
 def _surely_better(less: Fit, start: Nonparametric, rest: Log, before: Array) -> float:
-    """Standard errors by which the rest of a log is predicted better, many steps ahead, by a fit with one more.
+    """Gain in multi-step prediction on the rest of a log by one more effect, divided by its standard error.
 
     Args:
-        less: the fit to the first part, without it.
-        start: where it begins; what surely predicts worse after a few iterations is not followed to the end.
-        rest: of the log.
-        before: (T,) squared errors there without it.
+        less: the fit to the first part, without the effect.
+        start: the effect; if the prediction is significantly worse after the first iterations, the fit ends there.
+        rest: the rest of the log.
+        before: (T,) squared errors there without the effect.
     """
     problem = _beside(less, start)
     begun = problem.begun(less)
@@ -101,6 +101,6 @@ def _surely_better(less: Fit, start: Nonparametric, rest: Log, before: Array) ->
 
 
 def _sigmas(before: Array, model: ServoModel, rest: Log) -> float:
-    """Standard errors by which a model predicts better than with errors as before."""
+    """Gain in multi-step prediction over squared errors `before` (T,), divided by its standard error."""
     gain, std = cut(before, errors_of_many_steps(model, rest))
     return gain / std if std > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""What the parameters at hand and the initial states can absorb of innovations, and what is beyond them."""
+"""The part of the innovations that parameters and initial states can absorb, and the part beyond them."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from scipy.linalg import qr
 from identification.predictor import Prediction
 from plant.effects.effect import Array
 
-_NOTHING = 1e-10  # of the largest direction, below which a direction is rounding
-_ROUNDING = 1e-12  # of the squares of a column, below which what is left of them is rounding
+_NOTHING = 1e-10  # share of the largest direction; smaller ones are rounding errors
+_ROUNDING = 1e-12  # share of a column's sum of squares; a smaller rest is a rounding error
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nuisance:
-    """Orthonormal directions of the innovations (T,) that a fit can follow.
+    """Orthonormal directions of the innovations (T,) that a fit can absorb.
 
     Attributes:
-        own: for each run the directions (T_r, 0 to 2) of its initial state.
-        shared: (T, 0 to F) those of the parameters, beyond the initial states.
+        own: for each run, the directions (T_r, 0 to 2) of its initial state.
+        shared: (T, 0 to F) directions of the parameters, beyond the initial states.
     """
 
     own: tuple[Array, ...]
@@ -36,9 +36,9 @@ class Nuisance:
         return cls(own=own, shared=basis(_beyond(own, shared)))
 
     def information(self, columns: Array, values: Array) -> tuple[Array, Array]:
-        """(M, M) and (M,) products of what is beyond of columns (T, M) with itself and with values (T,) beyond.
+        """(M, M) products of columns (T, M) beyond the directions, and (M,) with values (T,) beyond them.
 
-        Zero for a column of which nothing is beyond but rounding, and for one that overflows.
+        Zero for a column that is absorbed except for rounding errors, and for one that overflows.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             return self._information(columns, values)
@@ -56,11 +56,11 @@ class Nuisance:
         return np.where(np.outer(left, left), found, 0.0), np.where(left, columns.T @ values, 0.0)
 
     def beyond_initial_states(self, values: Array) -> Array:
-        """What no initial state can follow of values (T,) or (T, M)."""
+        """Part of values (T,) or (T, M) that the initial states cannot absorb."""
         return _beyond(self.own, values)
 
     def beyond(self, values: Array) -> Array:
-        """What no parameter and no initial state can follow of values (T,) or (T, M)."""
+        """Part of values (T,) or (T, M) that parameters and initial states cannot absorb."""
         left = self.beyond_initial_states(values)
         left -= self.shared @ (self.shared.T @ left)
         return left
@@ -76,11 +76,11 @@ def _beyond(own: Sequence[Array], values: Array) -> Array:
 
 
 def basis(columns: Array) -> Array:
-    """Orthonormal basis of what columns (T, n) span.
+    """Orthonormal basis of the span of columns (T, n).
 
-    With pivots: where a column is nothing, as that of an instant at which the load rests, those behind it would lose
-    what they share with the arbitrary direction in its place. A column that overflows is no direction either. Each has
-    a unit of its own, so it is their directions that are compared.
+    The QR factorisation is pivoted. Without pivots a zero column would yield an arbitrary direction, and the columns
+    after it would lose their part along it. A column that overflows counts as zero. The columns have different units,
+    so they are scaled before.
     """
     if columns.shape[1] == 0:
         return columns

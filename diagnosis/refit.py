@@ -1,4 +1,4 @@
-"""Fits of models near another one, and what is read from them of one effect."""
+"""Fits of models that start from another fit, and estimates of one effect from a fit."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from plant.effects import Effect
 from plant.effects.effect import Covered
 from plant.servo import ServoModel
 
-_MANY = 12  # starts, of which each can be followed for a few iterations
+_MANY = 12  # largest number of starts that are fitted for a few iterations
 
 
 def problem_near(fit: Fit, model: ServoModel, fixed: tuple[str, ...] = ()) -> Problem:
-    """The problem of fitting another model to a fit's log; what was fixed stays so, as far as the model has it."""
+    """The problem of fitting another model to a fit's log; names in `fixed` that the model lacks are ignored."""
     return Problem.of(fit.log, model, fixed=[name for name in fixed if name in model.names], known=fit.known)
 
 
 def settled(fit: Fit, bandwidth: float) -> Fit:
-    """The same model, fitted behind the observer that it needs: from a bandwidth down as far as that pays [rad/s]."""
+    """The same model, fitted with the observer that it needs: from a bandwidth [rad/s] down while the fit improves."""
     found = problem_near(fit, fit.model).descend(replace(fit, bandwidth=max(fit.bandwidth, bandwidth)))
     return found if found.converged else fit
 
 
 def without(fit: Fit, effect: str, bandwidth: float) -> Fit:
-    """The model less one effect, fitted again likewise."""
+    """The model without one effect, fitted again in the same way."""
     problem = problem_near(fit, fit.model.without_effect(effect))
     return problem.descend(replace(fit, bandwidth=max(fit.bandwidth, bandwidth)))
 
 
 def fitted_to(log: Log, fit: Fit) -> Fit:
-    """The model of a fit fitted to another log, behind the same observer; what that does not tell stays as it is."""
+    """The model of a fit, fitted to another log with the same observer; fixed parameters stay fixed."""
     kept = [p.name for p in fit.parameters if p.fixed]
     problem = Problem.of(replace(log, colour=fit.log.colour), fit.model, fixed=kept, known=fit.known)
     found = problem.minimise(problem.pack(fit.model.values, first_states(log)), fit.bandwidth, 0.0)
@@ -48,16 +48,16 @@ def fitted_to(log: Log, fit: Fit) -> Fit:
 
 
 def fitted_from(start: Fit, problem: Problem, iterations: int = 30, begun: Minimum | None = None) -> Fit:
-    """The fit of a problem from another fit that lies near, behind the same observer, or from where that has begun."""
+    """The fit of a problem with the observer of another fit, from there or from a minimisation in progress."""
     begun = problem.begun(start) if begun is None else begun
     ended = problem.minimise(begun.point, start.bandwidth, 0.0, iterations=iterations, at_start=begun.equations)
     return fit_with_errors(problem, start.bandwidth, ended, begun.evaluations)
 
 
 def most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iterations: int = 4) -> list[Problem]:
-    """The problems by how well a few iterations from a fit serve them, the best first.
+    """The problems in order of their cost after a few iterations from a fit, the best first.
 
-    Of many only those are tried that begin best.
+    Of more than 12 only those with the lowest initial cost are tried.
     """
     if len(problems) > _MANY:
         begun = in_threads(lambda each: each.glance(fit, bandwidth, 0), problems)
@@ -67,7 +67,7 @@ def most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iteratio
 
 
 def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
-    """The estimates of one effect's parameters, as far as they are not stated."""
+    """The estimates of one effect's fitted parameters."""
     own = fit.model.effect(effect)
     if own is None:
         return {}
@@ -78,13 +78,13 @@ def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
 
 
 def typical_speed(fit: Fit) -> float:
-    """Speed that the log exceeds a tenth of the time [rad/s]."""
+    """90 % quantile of the speed in the log [rad/s]."""
     speed = np.concatenate([np.diff(run.output) / np.diff(run.time) for run in fit.log.runs])
     return float(np.quantile(np.abs(speed), 0.9))
 
 
 def is_plausible(fit: Fit, name: str) -> bool:
-    """Whether a fitted effect came out within two standard errors of values such as its cause can well have."""
+    """Whether an effect has plausible values, or would have with one parameter moved by two standard errors."""
     effect = fit.model.effect(name)
     if effect is None:
         return True
@@ -111,7 +111,7 @@ def is_plausible(fit: Fit, name: str) -> bool:
 def _as_likely(fit: Fit, effect: Effect) -> Iterator[Effect]:
     """The effect with one parameter at a time two standard errors lower or higher.
 
-    Not of a drivetrain, which in doubt is a lag: that it swings has to be seen.
+    Empty for a flexible drivetrain: in doubt it is a lag, so the log has to show its resonance.
     """
     if effect.flexible:
         return
@@ -123,6 +123,6 @@ def _as_likely(fit: Fit, effect: Effect) -> Iterator[Effect]:
 
 
 def is_its_special_case(fit: Fit, name: str) -> bool:
-    """Whether the shape of a fitted effect vanishes, so that nothing shows what a simpler effect would not show too."""
+    """Whether a fitted effect has reduced to a simpler one, its special case."""
     effect = fit.model.effect(name)
     return effect is not None and bool(effect.reduced()) and effect.vanishes(typical_speed(fit), fit.log.sample_time)

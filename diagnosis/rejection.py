@@ -1,4 +1,4 @@
-"""Why an effect that was asked is not named: the one reason that weighs most."""
+"""Why a candidate effect is not reported: the most important reason."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from diagnosis.result import Rejected
 from identification.fit_result import Fit
 from plant.effects import Effect
 
-_EQUAL = float(np.log(10.0))  # log Bayes factor within which two sets explain a log alike
+_EQUAL = float(np.log(10.0))  # log Bayes factor below which two sets explain a log equally well
 
 
 def rejected(
@@ -24,14 +24,14 @@ def rejected(
     named: Collection[str],
     falsified: Mapping[str, str],
 ) -> tuple[Rejected, ...]:
-    """One sentence for each effect that was asked and is not named, the likeliest first.
+    """One sentence for each candidate that is not reported, the most probable first.
 
     Args:
         base: fit of the base model.
         posterior: over the sets.
-        effects: all that were asked, by name.
-        named: what is told as a cause or a minor effect.
-        falsified: by name why it is ruled out.
+        effects: all candidates, by name.
+        named: effects that are reported as a cause or a minor effect.
+        falsified: for each effect that is ruled out, the reason.
     """
     asked = sorted((name for name in effects if name not in named), key=lambda name: -posterior.of(name))
     return tuple(
@@ -41,7 +41,7 @@ def rejected(
 
 
 def _no_more(name: str, named: Collection[str]) -> str | None:
-    """Why a wider form of an effect that is named is not."""
+    """Why a wider form of a reported effect is not reported; None if it is no wider form."""
     special = [title_of(each) for each in special_cases(name) if each in named]
     return f"it explains no more than {joined_words(special)}" if special else None
 
@@ -60,7 +60,7 @@ def _reason(base: Fit, posterior: Posterior, kind: type[Effect], falsified: Mapp
 
 
 def _behind(posterior: Posterior, holder: Explanation, name: str) -> str:
-    """Why the best set that holds a name is not the one that is told."""
+    """Why the best set with an effect is not the reported one."""
     less = next((each for each in posterior.sets if each.names == holder.names - {name}), None)
     worth = holder.log_marginal - (posterior.best if less is None else less).log_marginal
     if worth < 0.0:

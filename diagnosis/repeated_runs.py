@@ -1,7 +1,7 @@
-"""Runs that repeat one another: a test of what a model leaves that needs no catalogue.
+"""Repeated runs: a test of the innovations that needs no catalogue.
 
-Two runs under the same command have the same physics and different noise. Where what the model leaves of them
-correlates, it is not noise; where it does not, nothing deterministic is left to be named.
+Two runs with the same command have the same physics and different noise. If their innovations are correlated, they are
+not only noise; if not, no deterministic model error is left.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from identification.noise import colour
 from identification.run import Run
 from plant.effects.effect import Array
 
-_ALIKE = 0.01  # rms by which the commands of repeated runs may differ, of the rms command
-_SHIFTS = 40  # by which one run is moved against the other, to see how far chance makes them correlate
-_SIGNIFICANT = 4.0  # standard deviations of chance
-_WORTH_SAYING = 0.05  # share of the variance
+_ALIKE = 0.01  # largest rms difference of the commands of repeated runs, as a share of the rms command
+_SHIFTS = 40  # number of shifts of one run against the other, to estimate the correlation by chance
+_SIGNIFICANT = 4.0  # standard deviations of the correlation by chance
+_WORTH_SAYING = 0.05  # least relevant share of the variance
 
 
 @dataclass(frozen=True, kw_only=True)
 class Repeats:
-    """What repeated runs say about the innovations of a fit.
+    """Correlation of the innovations of a fit between repeated runs.
 
     Attributes:
         pairs: labels of the runs that repeat one another.
-        share: of the innovations' variance that is the same in both, by their correlation [-].
-        chance: standard deviation of what it would be by chance, from the same runs shifted against each other [-].
+        share: of the innovations' variance that is common to both runs [-].
+        chance: standard deviation of this share by chance, from the same runs shifted against each other [-].
     """
 
     pairs: tuple[tuple[str, str], ...]
@@ -40,7 +40,7 @@ class Repeats:
 
     @property
     def deterministic(self) -> bool:
-        """Whether what is left repeats, beyond chance and worth saying."""
+        """Whether the common share is significant and relevant."""
         return self.share > max(_SIGNIFICANT * self.chance, _WORTH_SAYING)
 
     def __str__(self) -> str:
@@ -53,7 +53,7 @@ class Repeats:
 
 
 def repeated_pairs(log: Log) -> tuple[tuple[int, int], ...]:
-    """Places of the runs of a log that were driven by the same command and are about as long."""
+    """Indices of pairs of runs with the same command and about the same length."""
     return tuple((a, b) for a, b in combinations(range(len(log.runs)), 2) if _same_command(log.runs[a], log.runs[b]))
 
 
@@ -70,10 +70,10 @@ def _same_command(a: Run, b: Run) -> bool:
 
 
 def repeats(fit: Fit) -> Repeats | None:
-    """What repeated runs say about the innovations of a fit; None where no run repeats another.
+    """Correlation of the innovations between repeated runs; None if no run repeats another.
 
-    A colour of the noise may have been learnt from what is missing, and then takes a part of it out of the innovations.
-    So it is also asked before that is taken out; what shows more clearly is told.
+    The colour of the noise may have been estimated from a model error; whitening then removes a part of this error. So
+    the errors before whitening are also compared, and the more significant result is returned.
     """
     pairs = repeated_pairs(fit.log)
     if not pairs:
@@ -93,7 +93,7 @@ def repeats(fit: Fit) -> Repeats | None:
 
 
 def _shares(pieces: Sequence[Array], pairs: Sequence[tuple[int, int]]) -> tuple[float, float] | None:
-    """The share of the power of some runs that is the same in pairs of them, and what it is by chance."""
+    """Share of the power that is common to pairs of runs, and its standard deviation by chance; None without power."""
     product, power = np.zeros(_SHIFTS + 1), 0.0
     for a, b in pairs:
         count = min(len(pieces[a]), len(pieces[b]))

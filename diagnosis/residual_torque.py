@@ -1,9 +1,9 @@
-"""The residual torque: what a fitted model would have needed besides the command to follow the measurement.
+"""The residual torque: the torque that a fitted model lacks to follow the measurement.
 
-It is what the measured motion needs less what the model has, both behind the same zero-phase low pass, whose cutoff
-is set by the noise: above it the second derivative of the encoder's noise would be larger than the torque to see. The
-picture tells a person where an error lives; it does not decide, because the fitted parameters have already swallowed
-part of it.
+It is the torque needed for the measured motion less the torque of the model, both after the same zero-phase low-pass
+filter. The noise determines the cutoff: above it the second derivative of the encoder noise would dominate. The plot
+shows the user where a model error occurs. It decides nothing, because the fitted parameters have already absorbed a
+part of the error.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from identification.inverse import filtered_motion, lowest_cutoff, needed_torque
 from identification.run_parameters import own_model
 from plant.effects.effect import Array, Axis
 
-_TORQUE_SHARE = 0.03  # noise that the band may have, of the rms torque command
+_TORQUE_SHARE = 0.03  # noise of the residual torque, as a share of the rms torque command
 _BINS = 24
 
 
@@ -31,7 +31,7 @@ class Curve:
         variable: "velocity", "angle", "torque" or "time"; on a linear axis "position" and "force".
         unit: of the variable.
         centre, mean, band: (B,) middle of each bin, mean residual torque in it and half width of its 95 % band [N m].
-        share: of the residual torque's variance that this variable alone explains, less what chance would [-], and
+        share: of the residual torque's variance that this variable alone explains, corrected for chance [-], and
             share_std its standard error.
     """
 
@@ -46,13 +46,13 @@ class Curve:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResidualTorque:
-    """Smoothed load torque that a model lacks, over a log.
+    """Filtered load torque that a model lacks, over a log.
 
     Attributes:
         time, torque, band: (T,) [s], [N m], half width of the 95 % band [N m].
         angle, velocity, command: (T,) filtered motion and torque [rad, rad/s, N m].
         run: (T,) index of the run.
-        curves: over velocity, angle, torque and time, the most telling first.
+        curves: over velocity, angle, torque and time, the one with the largest share first.
         unit: of the torque.
         cutoff: of the low pass [Hz].
     """
@@ -69,7 +69,7 @@ class ResidualTorque:
     cutoff: float
 
     def curves_of(self, torque: Array) -> tuple[Curve, ...]:
-        """Another torque (T,) along the same motion over the same variables."""
+        """Curves of another torque (T,) along the same motion, over the same variables."""
         variables = {
             "velocity": self.velocity,
             "angle": self.angle,
@@ -83,7 +83,7 @@ class ResidualTorque:
 
     @property
     def excess(self) -> float:
-        """Residual torque above what the encoder's noise makes of it, as a share of the rms torque command [-]."""
+        """Residual torque beyond the part due to encoder noise, as a share of the rms torque command [-]."""
         noise = float(np.mean((self.band / 1.96) ** 2))
         level = float(np.mean(self.command**2))
         return float(np.sqrt(max(self.rms**2 - noise, 0.0) / level)) if level > 0.0 else 0.0
@@ -95,7 +95,7 @@ class ResidualTorque:
 
     @property
     def rms_std(self) -> float:
-        """Its standard error [N m]."""
+        """Standard error of `rms` [N m]."""
         return jackknife(np.sqrt, self.torque**2)
 
 
@@ -104,7 +104,7 @@ def residual_torque(fit: Fit, cutoff: float | None = None) -> ResidualTorque:
 
     Args:
         fit: of the model.
-        cutoff: of the low pass [Hz]; by default as high as the noise allows. Two pictures compare only at the same one.
+        cutoff: of the low pass [Hz]; by default as high as the noise allows. Compare two models at the same cutoff.
     """
     cutoff = noise_cutoff(fit) if cutoff is None else cutoff
     parts = []
@@ -117,7 +117,7 @@ def residual_torque(fit: Fit, cutoff: float | None = None) -> ResidualTorque:
     time, torque, angle, velocity, command = (np.concatenate(column) for column in zip(*parts, strict=True))
     run_index = np.repeat(np.arange(len(parts)), [part[0].size for part in parts])
     length, force = ("m", "N") if fit.log.axis == "linear" else ("rad", fit.log.command_unit)
-    independent = 2.0 * cutoff * fit.log.runs[0].sample_time  # independent values in one sample behind the low pass
+    independent = 2.0 * cutoff * fit.log.runs[0].sample_time  # independent values per sample after the low pass
     variables = (
         ("velocity", f"{length}/s", velocity),
         (effects_over("angle", fit.log.axis), length, angle),
@@ -145,9 +145,9 @@ def residual_torque(fit: Fit, cutoff: float | None = None) -> ResidualTorque:
 
 
 def torque_of(fit: Fit, effect: str) -> tuple[float, float]:
-    """rms of the torque that one effect of a fitted model explains along the measured motion, and its share [N m; -].
+    """rms torque that one effect of a fitted model explains along the measured motion, and its share [N m; -].
 
-    The share is of the power of the residual torque without it, from 0 to 1.
+    The share is of the power of the residual torque without the effect, from 0 to 1.
     """
     left = residual_torque(fit)
     lacked = residual_torque(replace(fit, model=fit.model.without_effect(effect)), left.cutoff)
@@ -157,12 +157,12 @@ def torque_of(fit: Fit, effect: str) -> tuple[float, float]:
 
 
 def effects_over(variable: str, axis: Axis) -> str:
-    """What a variable is called on an axis."""
+    """Name of a variable on an axis: on a linear axis "position" for angle and "force" for torque."""
     return {"angle": "position", "torque": "force"}.get(variable, variable) if axis == "linear" else variable
 
 
 def noise_cutoff(fit: Fit) -> float:
-    """Cutoff [Hz] at which the encoder's noise makes 3 % of the rms torque, up to 1/10 of the rate."""
+    """Cutoff [Hz] at which the encoder noise is 3 % of the rms torque, at most 1/10 of the sampling rate."""
     dt = fit.log.runs[0].sample_time
     torque = np.concatenate([run.drive for run in fit.log.runs])
     target = _TORQUE_SHARE * float(np.sqrt(np.mean(torque**2)))
@@ -174,7 +174,7 @@ def noise_cutoff(fit: Fit) -> float:
 
 
 def _noise_torque(fit: Fit, cutoff: float) -> float:
-    """Standard deviation of J times the second derivative of white encoder noise behind an ideal low pass [N m].
+    """Standard deviation of J times the second derivative of white encoder noise after an ideal low pass [N m].
 
     The noise has a density of 2 sigma^2 dt [rad^2/Hz]; (2 pi f)^4 of it integrated up to the cutoff.
     """
@@ -184,7 +184,7 @@ def _noise_torque(fit: Fit, cutoff: float) -> float:
 
 
 def _curve(name: str, unit: str, values: Array, torque: Array, independent: float) -> Curve:
-    """Bin means of the torque over one variable, with bands for `independent` values a sample."""
+    """Bin means of the torque over one variable, with bands for `independent` values per sample."""
     low, high = np.quantile(values, [0.001, 0.999])
     if not high > low:
         return Curve(variable=name, unit=unit, centre=values[:1], mean=torque[:1] * 0, band=torque[:1] * 0, share=0.0)

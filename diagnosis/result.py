@@ -1,4 +1,4 @@
-"""What a diagnosis says: verdict, causes, the posterior over sets of effects, the gain, and the pictures' data."""
+"""The results of a diagnosis: verdict, causes, the posterior over sets of effects, the gain, and data for plots."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from plant.servo import ServoModel
 
 SCHEMA = 2
 LISTED = 0.01
-"""Probability from which a set of effects, or an alternative to an effect, is listed."""
+"""Least probability of a set of effects, or of an alternative to an effect, that is listed."""
 Verdict: TypeAlias = Literal["named", "nothing_missing", "unknown", "ambiguous"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A number with its standard error (None where unknown) and unit."""
+    """A number with its standard error (None if unknown) and unit."""
 
     value: float
     std: float | None
@@ -31,17 +31,17 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """One named effect: probable, and larger than what no effect explains.
+    """One reported effect: probable, and larger than the unexplained part.
 
     Attributes:
         effect: its name in the catalogue.
-        probability: that it is there, and is no part of what no effect explains.
-        alternatives: what the sets without it have in its place, with their probabilities, the likeliest first.
+        probability: posterior probability that it is present and not a part of the unexplained torque.
+        alternatives: competing effects of the sets without it, with their probabilities, the most probable first.
         parameters: estimates by parameter name.
         share: of the power of the residual torque without it that it explains, 0 to 1 [-].
         rms: of the torque that it explains along the measured motion [N m].
-        gain: share by which the error of multi-step prediction on validation data is smaller with it than without [-],
-            and gain_std its standard error.
+        gain: relative reduction of the multi-step prediction error on validation data by the effect [-], and gain_std
+            its standard error.
         log_bayes: log marginal likelihood of the best set with it less that of the best set without it.
     """
 
@@ -58,7 +58,7 @@ class Cause:
 
 @dataclass(frozen=True, kw_only=True)
 class Minor:
-    """An effect that is probable by its evidence, but no larger than what no effect explains; else as a cause."""
+    """An effect that is probable by its evidence, but no larger than the unexplained part; attributes as of `Cause`."""
 
     effect: str
     probability: float
@@ -68,14 +68,14 @@ class Minor:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EffectSet:
-    """Effects that explain the log together.
+    """A set of effects.
 
     Attributes:
         effects: their names, sorted.
-        unknown: what the unmodelled torque beside them depends on; empty where there is none to speak of.
-        probability: of the set; what is no larger than the unmodelled torque counts for less.
+        unknown: variables that the unmodelled torque depends on; empty if it is negligible.
+        probability: of the set, reduced for effects that are no larger than the unmodelled torque.
         log_marginal: its log marginal likelihood.
-        fit: of the model with all of them. Both are None where the set is only what may remain of a larger one.
+        fit: of the model with the set. Both are None if the set was not fitted but is a remainder of a larger one.
     """
 
     effects: tuple[str, ...]
@@ -87,13 +87,13 @@ class EffectSet:
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """What no effect explains.
+    """The unexplained part of the log.
 
     Attributes:
-        probability: that there is an unmodelled torque.
-        measurement_error: probability that there is an unmodelled error of the measurement.
-        depends_on: variables of the torque; of the error, where there is no torque.
-        share: size of the torque over that of all torque [-].
+        probability: posterior probability of an unmodelled torque.
+        measurement_error: posterior probability of an unmodelled measurement error.
+        depends_on: variables of the torque, or of the measurement error if there is no torque.
+        share: size of the unmodelled torque divided by that of the whole torque [-].
     """
 
     probability: float
@@ -104,7 +104,7 @@ class Unknown:
 
 @dataclass(frozen=True, kw_only=True)
 class Rejected:
-    """An effect that was tried and is not named, and the one reason that weighs most."""
+    """A candidate effect that is not reported, with the most important reason."""
 
     effect: str
     reason: str
@@ -112,12 +112,12 @@ class Rejected:
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """Held-out error of a free simulation, in the unit of the output.
+    """Error of a free simulation on validation data, in the unit of the output.
 
     Attributes:
         held_out_rms_before, held_out_rms_after: with the base and the extended model.
-        noise_floor: standard deviation of the measurement noise, as far as the data tell.
-        floor_name: what that is, where the times are irregular or the readings are quieter: then it is no noise floor.
+        noise_floor: standard deviation of the measurement noise, estimated from the extended model.
+        floor_name: name of this value; not "noise floor" if the sampling is irregular or the measured noise is smaller.
         unit: "rad" or "m".
         window: seconds after which the simulation restarts; None for a simulation through whole runs.
         runs: labels of the held-out runs.
@@ -133,16 +133,16 @@ class Gain:
 
     @property
     def cut(self) -> float:
-        """Share of the error that went away [-]."""
+        """Relative reduction of the error [-]."""
         return 1.0 - self.held_out_rms_after / self.held_out_rms_before if self.held_out_rms_before else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueError:
-    """Relative error of the inverse model, |torque - needed torque| / |torque| [-], behind a low pass at `cutoff` [Hz].
+    """Relative error of the inverse model, |torque - needed torque| / |torque| [-], after a low pass at `cutoff` [Hz].
 
-    It is the figure in which inverse models are published; it needs no simulation and so knows no drift. `std` has the
-    standard error of each by its name.
+    Inverse models are usually published with this figure. It needs no simulation, so it contains no drift. `std` has
+    the standard error of each field by its name.
     """
 
     cutoff: float
@@ -155,7 +155,7 @@ class TorqueError:
 
 @dataclass(frozen=True, kw_only=True)
 class Unexplained:
-    """What remains: share of the held-out error power above the noise floor, and the variables it depends on."""
+    """Unexplained share of the validation error power above the noise floor, and the variables it depends on."""
 
     share: float
     depends_on: tuple[str, ...]
@@ -163,7 +163,7 @@ class Unexplained:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Replay:
-    """One run measured and simulated freely: arrays (T,) [s; rad or m]."""
+    """One run, measured and in free simulation: arrays (T,) [s; rad or m]."""
 
     label: str
     time: Array
@@ -175,25 +175,25 @@ class Replay:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """What a diagnosis has found.
+    """The findings of a diagnosis.
 
     Attributes:
         verdict: "named", "nothing_missing", "ambiguous" or "unknown".
-        causes: what the verdict stands on, the largest torque first.
-        minor: effects that are probable, but smaller than what no effect explains.
-        sets: the joint posterior over sets of effects, the likeliest first.
-        without: for each effect of the extended model, the fit of that model less the effect.
-        unknown: what no effect explains, by the likelihood of the log.
-        rejected: every other effect that was tried, the likeliest first.
+        causes: the reported effects, the largest torque first.
+        minor: effects that are probable, but smaller than the unexplained part.
+        sets: the joint posterior over sets of effects, the most probable first.
+        without: for each effect of the extended model, the fit of that model without the effect.
+        unknown: the unexplained part, by the likelihood of the log.
+        rejected: every other candidate effect, the most probable first.
         gain: on held-out runs.
         torque_error: of the inverse model, before and after, on both parts of the data.
-        unexplained: what remains after the causes.
+        unexplained: the validation error that remains with the extended model.
         warnings: faults and limits of the data.
         base: fit of the base model to the estimation runs.
         extended: fit of the extended model; the same object as `base` when nothing was added.
-        residual_before, residual_after: the torque that each of the two models lacks, over the estimation runs.
-        replays: the held-out runs.
-        whiteness: share of the extended model's innovations that are still predictable from their own past [-].
+        residual_before, residual_after: residual torque of the base and the extended model, over the estimation runs.
+        replays: the held-out runs, measured and simulated.
+        whiteness: share of the extended model's innovations that is predictable from their past, 0 if white [-].
         only_in_validation: where the validation data show an error that the estimation data do not; None if nowhere.
     """
 
@@ -223,7 +223,7 @@ class Findings:
 
     @property
     def read_as(self) -> str:
-        """Whether the torque of the log is a command, or was "measured" and shows late what acts."""
+        """Either "command", or "measured" if the torque of the log is a measurement with a lag."""
         return "command" if self.model.lead() is None else "measured"
 
     def to_dict(self) -> dict[str, Any]:

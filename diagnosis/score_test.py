@@ -1,7 +1,7 @@
-"""A fitted model linearised along its log: which torque, or error of the reading, its innovations ask for.
+"""A fitted model linearised along its log, to test for further torques or measurement errors (score test, Rao 1948).
 
-Every effect says by which torque, or error of the reading, a small one would show along the model's motion (its
-signature). What the parameters of the model and the initial states can absorb of it is known (score test, Rao 1948).
+Every effect defines the torque, or measurement error, of a small effect along the model's motion. Its signature is the
+response of the innovations, projected orthogonally to the parameters of the model and the initial states.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from plant.effects.effect import Array
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screen:
-    """A fitted model linearised along a log, ready to be asked about signatures."""
+    """A fitted model linearised along a log, to calculate signatures."""
 
     fit: Fit
     motion: Motion

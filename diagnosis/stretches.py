@@ -1,4 +1,4 @@
-"""Of a log too long for the search: stretches of it, spread over its runs."""
+"""Stretches of a log that is too long for the search, spread over its runs."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from identification.log import Log
 from identification.run import Run
 
 LONGEST = 50_000
-"""Samples that are searched at most: each takes about 5 kB and 1 ms."""
-_PIECES = 5  # each long enough for slow motions, and enough of them for what changes in time
+"""Largest number of samples in a search: each takes about 5 kB and 1 ms."""
+_PIECES = 5  # each is long enough for slow motions; several show changes over time
 
 
 def stretches(log: Log) -> tuple[Log, str | None]:
-    """A log, or stretches of one that is too long, as runs of their own; and the sentence that says so."""
+    """The log and None; if it is too long, stretches of it as separate runs and a sentence about this."""
     samples = sum(map(len, log.runs))
     if samples <= LONGEST:
         return log, None
@@ -22,7 +22,7 @@ def stretches(log: Log) -> tuple[Log, str | None]:
     for run in log.runs:
         for start in starts:
             begin, end = max(start - first, 0), min(start + length - first, len(run))
-            if end - begin >= length // 10:  # the rest of a stretch that reaches into the next run is there
+            if end - begin >= length // 10:  # a stretch may continue in the next run; short pieces are left out
                 found.append(replace(run.slice(begin, end), label=f"{run.label} from {run.time[begin]:.4g} s"))
         first += len(run)
     used = sum(map(len, found))

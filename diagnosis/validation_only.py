@@ -1,9 +1,9 @@
-"""Whether validation data show what the estimation data do not: a cause that acts there alone.
+"""Whether validation data show an effect that the estimation data do not show.
 
-A search learns nothing of what happens in the validation data only: an end stop that is reached there for the first
-time, a payload that was changed. What it leaves there is told by errors of many steps in windows that begin anew. The
-logarithms of their mean squares are compared with those of the estimation data: all of them by the test of Welch
-(1947), the largest by Student's t for one more draw.
+The search does not see what happens only in the validation data, such as an end stop that is reached there first, or a
+changed payload. Such an effect is detected by multi-step prediction errors in windows with restarts. The logarithms of
+their mean squares are compared with those of the estimation data: all of them by the test of Welch (1947), the largest
+by Student's t for one further sample.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ class OnlyInValidation:
 
 
 def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = None) -> OnlyInValidation | None:
-    """The worst window of the validation data, where their errors are hardly ever so large by chance; else None.
+    """The worst window of the validation data if their errors are significantly too large; else None.
 
     Args:
         fit: to the estimation data.
-        validation: data that it has not seen.
-        model: to predict those; by default that of the fit.
+        validation: data that the fit has not used.
+        model: to predict these data; by default that of the fit.
     """
     window = restart_window(validation)
     fitted = np.array([square for _, _, square in _windows(fit.log, fit.model, window)])
     parts = _windows(validation, model or fit.model, window)
     validated = np.array([square for _, _, square in parts])
     if fitted.size < 2 or not validated.size or np.mean(validated) <= (1.0 + TWICE) ** 2 * np.mean(fitted):
-        return None  # other motion has other errors
+        return None  # another motion may have up to twice the error
     worst = int(np.argmax(validated))
     logs = (np.log(np.maximum(each, np.finfo(float).tiny)) for each in (fitted, validated))
     if _by_chance(*logs) > np.exp(-HARDLY_EVER):
@@ -72,12 +72,12 @@ def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = Non
 
 
 def is_of_parameters(fit: Fit, validation: Log) -> bool:
-    """Whether the model follows validation data with other values of its parameters: the machine has changed."""
+    """Whether the model follows the validation data with other parameter values: then the machine has changed."""
     return only_in_validation(fit, validation, fitted_to(validation, fit).model) is None
 
 
 def _by_chance(fitted: Array, validated: Array) -> float:
-    """Probability that logarithms (N,) are so much larger than others (M,), all of them or one, if nothing differs."""
+    """p-value that `validated` (M,) is larger than `fitted` (N,), as a whole or in one value, by chance."""
     from scipy.stats import t as student
     from scipy.stats import ttest_ind_from_stats
 
@@ -92,7 +92,7 @@ def _by_chance(fitted: Array, validated: Array) -> float:
 
 
 def _windows(log: Log, model: ServoModel, window: float) -> list[tuple[Run, int, float]]:
-    """Each window of each run by its first sample, with the mean square of its errors; of a rest of one nothing."""
+    """Run, first sample and mean squared error of each window; incomplete windows are left out."""
     squares, _ = squared_errors(log, model, window)
     found, begun = [], 0
     for run in log.runs:

@@ -1,4 +1,7 @@
-"""Which data are set apart for validation: they may reject an effect, but choose no value and favour no effect."""
+"""Division into estimation and validation data.
+
+Validation data may reject an effect, but they choose no parameter value and favour no effect.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,16 @@ from identification.run import Run
 from plant.effects.effect import Array
 
 _SHARE = 0.3  # of a single run that is held out, at its end
-_BLOCKS, _IDLE = 100, 0.02  # pieces of a log, and the share of the longest way in one below which the load rests
-_LEAST = 50  # samples of a run
+_BLOCKS, _IDLE = 100, 0.02  # blocks of a log; share of the largest travel in a block below which the load is at rest
+_LEAST = 50  # least number of samples of a run
 
 
 def parts(log: Log, held_out: Log | None) -> tuple[Log, Log, list[str]]:
-    """Estimation log, held-out log, and what is to be said of them; what stands still in the latter is not used.
+    """Estimation log, held-out log, and sentences about them; held-out runs at standstill are not used.
 
     Args:
-        log: to learn from.
-        held_out: to judge by, if somebody has set it apart.
+        log: the whole log, or the estimation log if `held_out` is given.
+        held_out: validation data chosen by the user, if any.
     """
     if held_out is None:
         log, held_out, sentence = split(log)
@@ -40,10 +43,11 @@ def parts(log: Log, held_out: Log | None) -> tuple[Log, Log, list[str]]:
 
 
 def split(log: Log) -> tuple[Log, Log, str]:
-    """Estimation log, held-out log, and a sentence that says which is which.
+    """Estimation log, held-out log, and a sentence that describes the division.
 
-    Several runs: every third one of those that move, and at least the last, is held out whole. A single run: its last
-    30 %; where that stands still, the last 30 % of what moves, or its first or middle 30 %, whichever moves first.
+    Several runs: every third moving run, or else the last one, is held out. A single run: its last
+    30 %. If the load stands still there, 30 % of the moving part: the last, the first or the middle, the first of these
+    that moves.
     """
     if len(log.runs) > 1:
         moving = [place for place, run in enumerate(log.runs) if moves(run, log)]
@@ -64,7 +68,7 @@ def split(log: Log) -> tuple[Log, Log, str]:
 
 
 def split_otherwise(log: Log) -> tuple[Log, Log, str] | None:
-    """The same with other validation data, so that those of `split` are learnt from; None where nothing else moves.
+    """Another division, with the validation data of `split` in the estimation log; None if nothing else moves.
 
     Several runs: the first and every third of those that move. A single run: its first 30 %.
     """
@@ -81,13 +85,13 @@ def split_otherwise(log: Log) -> tuple[Log, Log, str] | None:
     until = f"until {_clock(run, cut - 1)} s"
     first, last = replace(run.slice(0, cut), label=f"{run.label} {until}"), run.slice(cut, None)
     if not (moves(first, log) and moves(run.slice(len(run) - cut, None), log)):
-        return None  # where the end stands still, `split` has taken another part, perhaps this one
+        return None  # if the end is at standstill, `split` has taken another part, perhaps this one
     sentence = f"Validation data: the first {100 * _SHARE:.0f} % of the only run, {until}."
     return replace(log, runs=(last,)), replace(log, runs=(first,)), sentence
 
 
 def _moving_part(log: Log) -> tuple[Log, Log, str]:
-    """The same for a single run whose end stands still: idle ends are left out, and 30 % of the rest held out."""
+    """Division of a single run with standstill at its end: idle ends are left out, 30 % of the rest is held out."""
     (run,) = log.runs
     lively = np.flatnonzero(_lively(run, log))
     begin, end = int(lively[0]), int(lively[-1]) + 1
@@ -103,13 +107,13 @@ def _moving_part(log: Log) -> tuple[Log, Log, str]:
 
 
 def moves(run: Run, log: Log) -> bool:
-    """Whether a run, or a part of one, moves for half as much of its time as the log does."""
+    """Whether the share of time with motion is at least half of that in the log, for a run or a part of one."""
     whole = np.concatenate([_lively(other, log) for other in log.runs])
     return bool(np.mean(_lively(run, log)) >= 0.5 * np.mean(whole))
 
 
 def _lively(run: Run, log: Log) -> NDArray[np.bool_]:
-    """(T,) whether the load moves, by the way that it makes in a hundredth of the log, beside the longest of these."""
+    """(T,) whether the load moves: its travel in a block exceeds 2 % of the largest travel in any block."""
     width = max(2, sum(map(len, log.runs)) // _BLOCKS)
     most = max(float(_way(other, width).max()) for other in log.runs)
     return np.asarray(_way(run, width) > _IDLE * most)

@@ -1,7 +1,7 @@
-"""The verdict: what may be said of each name, given the posterior over sets of effects.
+"""The verdict on each effect, from the posterior over sets of effects.
 
-A name that is probable and larger than the discrepancy (`Posterior.probability`) is a cause. One that is probable by
-the evidence alone (`Posterior.of`), but smaller, is a minor effect, on which no verdict rests.
+An effect that is probable and larger than the discrepancy (`Posterior.probability`) is a cause. One that is probable by
+the evidence alone (`Posterior.of`), but smaller, is a minor effect.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from diagnosis.result import LISTED, Verdict
 from plant.effects import catalogue
 from plant.effects.nonparametric import unnamed
 
-_CARRIES = 0.8  # of what the most telling variable explains, from which another is told too
-_CONSTANT = "nothing"  # what a constant torque depends on
+_CARRIES = 0.8  # share of the largest gain by one variable, from which another variable is reported too
+_CONSTANT = "nothing"  # variable of a constant torque
 
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """What a posterior says.
+    """Verdict and effects that follow from a posterior.
 
     Attributes:
         verdict: "named", "nothing_missing", "ambiguous" or "unknown".
         causes: probability of each cause.
         minor: probability of each minor effect.
-        depends_on: variables of the unmodelled torque; empty where there is none to speak of.
+        depends_on: variables of the unmodelled torque; empty if it is negligible.
     """
 
     verdict: Verdict
@@ -47,11 +47,11 @@ def judged(
 
     Args:
         posterior: over the sets.
-        missing: residual torque of the likeliest set; an observer has to follow it.
-        shows: whether more than its evidence shows an unmodelled torque: a curve predicts a part of the log that it was
-            not fitted to better, or runs that repeat one another leave the same.
-        ruled_out: names of a set that was ruled out, but is clearly likelier than all others. Then nothing missing is
-            no answer, and a name that is neither among them nor a special case of one only takes its place.
+        missing: residual torque of the leading set.
+        shows: whether there is other evidence of an unmodelled torque: a curve improves the prediction of a part of the
+            log that it was not fitted to, or repeated runs have the same error.
+        ruled_out: effects of a set that was ruled out, but is clearly more probable than all others. Then the verdict
+            is not "nothing_missing", and an effect that is neither one of these nor a special case of one is no cause.
     """
     beside = posterior.best.discrepancy.posterior
     probable = {name: p for name, p in posterior.names().items() if p > LIKELY}
@@ -63,7 +63,7 @@ def judged(
         causes |= {name: told[name] for name in posterior.leading if name in told}
     instead = posterior.nameless() > LIKELY
     left = beside.something > SURE or missing.excess > 1.0 - SURE or shows or instead
-    small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
+    small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others replace a ruled-out effect
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
     more = left or bool(minor) or ruled_out is not None
     doubtful = any(map(in_doubt, minor.values())) or posterior.complete({*causes, *minor}) <= LIKELY
@@ -79,10 +79,10 @@ def judged(
 
 
 def variables(posterior: Posterior, missing: ResidualTorque, ruled_out: frozenset[str]) -> tuple[str, ...]:
-    """Variables of what no name explains: of what stands in the place of names, else of the discrepancy's torque.
+    """Variables of the unexplained part: of non-parametric effects in the set, else of the discrepancy.
 
-    What was ruled out there as a prediction still is the likeliest to say on what it depends. Where there is no
-    discrepancy, by the residual torque.
+    A non-parametric effect that was ruled out is still the best indication of the variable. Without a discrepancy the
+    variables follow from the residual torque.
     """
     best = posterior.best
     found = variables_instead(best.names) or variables_instead(ruled_out) or _carrying(best.discrepancy)
@@ -92,12 +92,12 @@ def variables(posterior: Posterior, missing: ResidualTorque, ruled_out: frozense
 
 
 def variables_instead(names: frozenset[str]) -> tuple[str, ...]:
-    """Variables of what stands without a name among those of a set."""
+    """Variables of the non-parametric effects of a set."""
     return tuple(variable for name in sorted(names.intersection(unnamed)) for variable in unnamed[name].variables)
 
 
 def _carrying(discrepancy: Discrepancy) -> tuple[str, ...]:
-    """The most telling variable of a discrepancy, others that tell nearly as much, and what it needs beside it."""
+    """The variable that explains most of a discrepancy, others with nearly the same gain, and further ones needed."""
     alone = discrepancy.explained_by()
     if not alone:
         return ()
@@ -113,9 +113,10 @@ def _carrying(discrepancy: Discrepancy) -> tuple[str, ...]:
 
 
 def alternatives(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
-    """Names that the sets without it have in its place, with the probability of those sets; not what has none.
+    """Competing effects of the sets without an effect, with the probability of those sets.
 
-    In its place is what is likelier without it than beside it.
+    An effect competes if it is more probable without the given effect than with it. Effects of the best set and
+    non-parametric effects are left out.
     """
     beside: dict[str, float] = {}
     instead: dict[str, float] = {}
@@ -129,7 +130,7 @@ def alternatives(posterior: Posterior, name: str) -> tuple[tuple[str, float], ..
 
 
 def log_bayes(posterior: Posterior, name: str) -> float:
-    """Log marginal likelihood of the best set that holds an effect, or a wider form of it, less that of the others."""
+    """Log marginal likelihood of the best set with an effect, or a wider form of it, less that of the best without."""
     best = {True: -np.inf, False: -np.inf}
     for each in posterior.sets:
         holds = any(name in special_cases(other) for other in each.names)
@@ -138,12 +139,12 @@ def log_bayes(posterior: Posterior, name: str) -> float:
 
 
 def of_the_measurement(name: str) -> bool:
-    """Whether an effect is one of how the torque of the log was measured, and not of the machine."""
+    """Whether an effect belongs to the torque measurement and not to the machine."""
     return name in catalogue and bool(catalogue[name].measured)
 
 
 def in_doubt(probability: float) -> bool:
-    """Whether an effect with such a probability may be there, and may not."""
+    """Whether a probability is neither low nor high: between 0.1 and 0.9."""
     return 1.0 - SURE < probability <= SURE
 
 
@@ -160,7 +161,7 @@ def _verdict(posterior: Posterior, causes: Mapping[str, float], *, more: bool, i
 
 
 def _leading(posterior: Posterior) -> dict[str, float]:
-    """The name that is told with the highest probability."""
+    """The effect with the highest probability."""
     told = {name: posterior.probability(name) for each in posterior.sets for name in each.names.difference(unnamed)}
     best = max(told, key=lambda name: told[name])
     return {best: told[best]}

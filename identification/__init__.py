@@ -1,4 +1,4 @@
-"""Identification: a measured log in, parameters with their uncertainty out."""
+"""Identification: parameters with their uncertainty from a measured log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The search for the best bandwidth of an observer: brackets of trials, and the top of a parabola through them."""
+"""The search for the best observer bandwidth: brackets of trials, and the vertex of a parabola through them."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 
 def neighbours(bandwidth: float) -> tuple[float, float]:
-    """Twice and half of it."""
+    """Twice and half of a bandwidth."""
     return 2.0 * bandwidth, 0.5 * bandwidth
 
 
 def between(trials: Iterable[float], top: float, limit: float) -> bool:
-    """Whether a trial lies between the top and a limit, the limit included."""
+    """Whether a trial lies between the best bandwidth `top` and a limit, the limit included."""
     low, high = sorted((top, limit))
     return any(low * 0.99 <= b <= high * 1.01 and abs(np.log(b / top)) > 0.03 for b in trials if b)
 
 
 def parabola_top(scores: Mapping[float, float], top: float) -> float | None:
-    """Where a parabola in log(bandwidth) through the top and its nearest neighbours is highest, None without a peak."""
+    """Vertex of a parabola in log(bandwidth) through the best trial and its two neighbours; None without a peak."""
     below, above = [b for b in scores if b < top], [b for b in scores if b > top]
     if top not in scores or not below or not above:
         return None

@@ -1,11 +1,11 @@
-"""Whether the runs of a log agree about the parameters of their common fit, and if not, about which.
+"""Test whether the runs of a log agree about the parameters of their common fit, and find those that differ.
 
-At the common optimum one Newton step per parameter says what it would be in each run if all others were shared. Errors
-of the model are not noise: they last, and the likelihood counts them as evidence many times over. So each run is cut
-into blocks, and how much a run's value changes when one of them is left out says how sure it is (the jackknife over
-clusters, in closed form: Bell and McCaffrey 2002). What runs disagree about is only what differs by more than the parts
-of each run do. As every run has but a few blocks, the test is that of Welch (1951) for groups of unequal scatter, at a
-level shared by all parameters (Bonferroni).
+At the common optimum, one Newton step per parameter estimates its value in each run while all others are shared. Model
+errors are not noise: they are correlated over long times, and the likelihood counts the same error many times. So each
+run is cut into blocks, and the uncertainty of a run's value is its change when a block is left out (jackknife over
+clusters, in closed form: Bell and McCaffrey 2002). The runs disagree about a parameter only if it differs between the
+runs by more than between the blocks of a run. Each run has only a few blocks, so the test is that of Welch (1951) for
+groups of unequal scatter, at a level shared by all parameters (Bonferroni).
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from identification.sums_over_runs import places, point_size
 from plant.effects.effect import Array
 
 BLOCKS = 8  # of each run
-_LEVEL = 1e-3  # chance that runs which agree are said not to
-_ALONE = 0.99  # share of what is known that a single block must not have
+_LEVEL = 1e-3  # probability of reporting a difference between equal runs
+_ALONE = 0.99  # share of the information that a single block must not have
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Run:
-    """What the blocks of a run say of its parameters and its initial state.
+    """Normal equations of each block of a run for its parameters and initial state.
 
     information: (B, n, n) Jacobian transposed times Jacobian of each block; scores: (B, n) gradient.
     """
@@ -40,7 +40,7 @@ class _Run:
 
     @classmethod
     def of(cls, prediction: Prediction, valid: NDArray[np.bool_]) -> _Run:
-        """From a run's innovations, its samples that count in `BLOCKS` parts."""
+        """From a run's innovations; its valid samples are cut into `BLOCKS` blocks."""
         blocks = np.array_split(np.flatnonzero(valid), BLOCKS)
         slopes, innovations = prediction.jacobian, prediction.innovations
         return cls(
@@ -49,17 +49,17 @@ class _Run:
         )
 
     def about(self, rows: list[int]) -> _Run:
-        """Of some rows alone."""
+        """The normal equations of some rows alone."""
         return _Run(information=self.information[:, rows][:, :, rows], scores=self.scores[:, rows])
 
     def scatters(self, row: int) -> bool:
-        """Whether more than one block determines a row: else its scatter is unknown."""
+        """Whether more than one block determines a row; otherwise its scatter is unknown."""
         said = self.information[:, row, row]
         return bool(said.max() < _ALONE * said.sum())
 
 
 def between_run_differences(fit: Fit) -> str | None:
-    """A sentence on the parameters about which the runs of a fit disagree, and by how much; None where they agree."""
+    """A sentence on the parameters that differ between the runs of a fit, and by how much; None if they agree."""
     if len(fit.log.runs) < 2 or not fit.free or not fit.converged:
         return None
     objective = Objective.of(fit.log, fit.model, fixed=fit.fixed)
@@ -82,7 +82,7 @@ def between_run_differences(fit: Fit) -> str | None:
 
 
 def _chance(runs: list[_Run], own: list[int]) -> float:
-    """Probability that the last of `own` differs as much among runs that agree, the others of `own` being free."""
+    """p-value of the last parameter of `own` being equal in all runs; the others of `own` may differ between runs."""
     free, count = runs[0].scores.shape[1] - 2, len(runs)
     size = point_size(free, count, own)
     at = [places(free, number, count, own) for number in range(count)]
@@ -107,7 +107,7 @@ def _chance(runs: list[_Run], own: list[int]) -> float:
 
 
 def _welch(values: Array, covariance: Array) -> float:
-    """Welch's chance that values (k,) of one quantity, with such a covariance from a few blocks each, differ so."""
+    """p-value of Welch's test for equal values (k,), with a covariance (k, k) that is estimated from a few blocks."""
     k = values.size
     if k < 2 or not np.all(np.diag(covariance) > 0.0):
         return 1.0
@@ -121,7 +121,7 @@ def _welch(values: Array, covariance: Array) -> float:
 
 
 def _sentence(fit: Fit, names: list[str]) -> str:
-    """What the runs have, each parameter separately, and what lets it differ."""
+    """The values of each parameter in the runs, and the options that let it differ between runs."""
     apart = PerRun.of(fit, names)
     point = apart.minimise(apart.begun(fit), fit.bandwidth).point
     values, spread = apart.values(point), apart.covariance(point, fit.bandwidth)

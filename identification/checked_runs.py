@@ -1,4 +1,4 @@
-"""Recordings that have passed every check, as runs, with what was found in them in sentences."""
+"""Recordings that passed every check, as runs, with the findings as sentences."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from identification.run import Run
 from identification.run_parameters import payload_of
 from identification.threads import without_blas_threads
 
-_TOLD = 3  # findings of one kind that are told one by one
+_TOLD = 3  # findings of one kind that are listed one by one
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Checked:
-    """Usable runs, at least one, and what was found, repaired, or makes a model impossible, one sentence each."""
+    """Usable runs, at least one, and warnings, repairs and faults (no model can be fitted), one sentence each."""
 
     runs: tuple[Run, ...]
     warnings: tuple[str, ...]
@@ -62,9 +62,9 @@ def checked_runs(recordings: Iterable[Recording]) -> Checked:
 
 
 def _zero(recordings: Sequence[Recording]) -> float:
-    """When the log began on a clock that had been running for long before it, else zero [s].
+    """Start of the log on a clock that runs since long before it, else zero [s].
 
-    Counted from such a clock's zero, drift is as good as constant and the phase of a wave means nothing.
+    Counted from the zero of such a clock, drift is nearly constant and the phase of a wave is arbitrary.
     """
     first = min(float(recording.time[0]) for recording in recordings)
     last = max(float(recording.time[-1]) for recording in recordings)
@@ -72,7 +72,7 @@ def _zero(recordings: Sequence[Recording]) -> float:
 
 
 def _told(findings: Iterable[Finding]) -> tuple[str, ...]:
-    """One sentence each, but of many findings of one kind only the first and how many follow."""
+    """One sentence per finding; of many findings of one kind only the first and the number of the others."""
     kinds: dict[str, list[str]] = defaultdict(list)
     for finding in findings:
         kinds[finding.kind].append(finding.text)

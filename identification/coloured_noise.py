@@ -1,15 +1,16 @@
 """Coloured measurement noise: filters in an encoder or a drive correlate the errors of neighbouring samples.
 
-Without it, an observer takes slow noise for motion and follows it. The noise counts as coloured where a short
-autoregression of its own explains the log clearly better than an observer does. From then on the log carries a colour,
-and every fit of it finds its own (generalised least squares; Cochrane and Orcutt 1949).
+If this is ignored, an observer takes slow noise for motion and follows it. The noise counts as coloured if a short
+autoregression explains the log clearly better than an observer does. `Log.colour` then holds its coefficients, and
+every later fit of the log estimates them again (generalised least squares; Cochrane and Orcutt 1949).
 
-A good model shows it in a free simulation, a poor one behind an observer that keeps it near the log and is yet too slow
-to follow the noise. Noise that outlasts the observer's corrections cannot be told from motion and is left to it, and so
-is a colour behind an observer that hardly helps: a poor model can leave as much.
+With a good model the colour is visible in a free simulation. With a poor model it is visible with an observer that
+keeps the model near the log but is too slow to follow the noise. Noise that is slower than the observer's corrections
+cannot be distinguished from motion and is left to the observer. So is a colour with an observer that hardly raises the
+likelihood: a poor model can leave as much.
 
-Beside a right model and the right colour nothing predicts the readings better. So where a mere regression on the
-readings and torques before does, which knows nothing of the machine, the colour is that of the model's errors.
+With the right model and the right colour nothing predicts the measurement better. So if a plain regression on past
+measurements and torques, without a model of the machine, predicts it better, the colour is one of the model errors.
 """
 
 from __future__ import annotations
@@ -26,20 +27,20 @@ from identification.noise import ORDER, autoregression, log_likelihood
 from identification.problem import Problem
 
 _CLEARLY = 10.0  # rise of the log-likelihood from which coloured noise is accepted
-_WORTH = 0.05  # the same for each sample behind an observer: the innovations get smaller by a twentieth
-_SLOWER = 3.0  # from one observer to the next
-_SLOWEST = 0.01  # of the best observer's bandwidth: slower ones leave the model to itself
+_WORTH = 0.05  # the same per sample with an observer: the innovations get smaller by a twentieth
+_SLOWER = 3.0  # ratio of the bandwidths of successive observers
+_SLOWEST = 0.01  # of the best observer bandwidth: a slower observer is nearly a free simulation
 
 
 def with_coloured_noise(fit: Fit, *, of_the_sensor: bool = False) -> Fit:
-    """The same model fitted to the log with the colour of its reading's noise, or the fit as it is.
+    """The same model fitted to the log with coloured measurement noise, or the unchanged fit.
 
-    A colour beside which nothing of the model is told stands for the motion, not for noise.
+    A colour with which no parameter of the model is identifiable describes the motion, not the noise, and is rejected.
 
     Args:
         fit: of the model with white noise.
-        of_the_sensor: whether only the sensor's noise counts. Who identifies a model takes its errors for noise as
-            well, and has better parameters for it; who asks what it lacks must not.
+        of_the_sensor: accept only the colour of sensor noise. To identify a model, its errors may count as noise too,
+            which improves the parameters. A diagnosis of missing effects must not count them as noise.
     """
     usable = (coloured for coloured in _coloured(fit) if coloured.failed is None)
     found = max(usable, key=lambda coloured: coloured.log_likelihood, default=fit)
@@ -50,7 +51,7 @@ def with_coloured_noise(fit: Fit, *, of_the_sensor: bool = False) -> Fit:
 
 
 def by_regression(log: Log) -> float:
-    """Log-likelihood of the readings by a regression on those before and the torques, less half a log for each slope.
+    """Log-likelihood of the measurement by a regression on its past and past torques, less log(samples) / 2 per slope.
 
     (Ljung 1999, section 4.2: ARX; Schwarz 1978.)
     """
@@ -73,7 +74,7 @@ def by_regression(log: Log) -> float:
 
 
 def _coloured(fit: Fit) -> Iterator[Fit]:
-    """The fit with a colour of the reading, behind slower and slower observers and in a free simulation."""
+    """The fit with coloured measurement noise, in a free simulation and with slower and slower observers."""
     problem = Problem.of(fit.log, fit.model, known=fit.known)
     free = problem.solve(free=True) if fit.bandwidth else fit
     if not free.bandwidth and autoregression(free.innovations).size:

@@ -1,4 +1,4 @@
-"""Fit a servo model to a log: maximum likelihood of the one-step prediction errors, output error as its limit."""
+"""Fit a servo model to a log: maximum likelihood of the one-step prediction errors, with output error as the limit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from plant.effects.effect import parameters_of
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
-_ROUNDING = 1e-12  # of an angle, that is no motion
+_ROUNDING = 1e-12  # of an angle: a smaller change is rounding, not motion
 
 
 @without_blas_threads
@@ -42,25 +42,25 @@ def fit(
     """Estimate the parameters of a model from a log.
 
     Args:
-        log: one or more runs, also as a path, a DataFrame or arrays by name; a run's initial state is estimated. Where
-            runs disagree about a parameter, the log of the result has a warning that says so.
-        model: structure and start; by default eqs. (4) and (6) of the paper, J, alpha, K and gamma.
+        log: one or more runs, also as a path, a DataFrame or arrays by name; a run's initial state is estimated. If
+            runs disagree about a parameter, the log of the result has a warning.
+        model: structure and starting values; by default eqs. (4) and (6) of the paper, J, alpha, K and gamma.
         fixed: names of parameters that keep the model's value, or values by name: `{"inertia": 0.2}`.
         bounds: least and greatest value by name: `{"inertia": (0.1, 0.3)}`.
         prior: mean and standard deviation by name, of a Gaussian: `{"inertia": (0.2, 0.05)}`.
-        per_run: names of parameters that have a value of their own in each run; the others are fitted to all of them.
-            The result has a line for each run, such as "inertia[log.csv run 3]", and in its model the mean.
+        per_run: names of parameters that differ from run to run; the others are common to all runs. The result has a
+            line for each run, such as "inertia[log.csv run 3]", and its model has the mean.
         force: fit also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each stage.
 
     Returns:
-        The fit; parameters that the data cannot tell are marked, not guessed. One that did not come to an end, or that
-        moved nothing, says so in `failed`.
+        The fit. A parameter that the data do not determine has the value None. `failed` gives the reason if the fit
+        cannot be used.
 
     Raises:
-        UnusableLog: the log has faults that no model fits.
-        BadParameter: a name is not a parameter of the model, a number is not one that it can have, or the model's axis
-            is not the log's.
+        UnusableLog: the log has faults, so that no model can be fitted.
+        BadParameter: a name is not a parameter of the model, a number is not allowed for it, or model and log differ
+            in their axis.
     """
     log = log_of(log).usable(force=force)
     start = base_model(log) if model is None else model
@@ -76,7 +76,7 @@ def fit(
 
 
 def _polished(fit: Fit) -> Fit:
-    """The fit at the very top of its likelihood, where it does not matter in which units it came there."""
+    """The fit refined to the exact maximum of its likelihood, so that the result is the same in any units."""
     kept = [p.name for p in fit.parameters if p.fixed]
     best = Problem.of(fit.log, fit.model, fixed=kept, known=fit.known).polished(fit)
     lines = zip(best.parameters, fit.parameters, strict=True)
@@ -99,9 +99,9 @@ def fit_with_prior(
     *,
     of_the_sensor: bool = False,
 ) -> Fit:
-    """The same, with what is known of parameters in one piece, also of such as the model does not have.
+    """`fit` with `PriorKnowledge`, also of parameters that the model does not have.
 
-    Coloured noise may be that `of_the_sensor` alone, see `with_coloured_noise`.
+    With `of_the_sensor` only coloured noise of the sensor is accepted, see `with_coloured_noise`.
     """
     start = known.begun(model)
     found, traded = _beside_traded(log, start, known, progress, of_the_sensor=of_the_sensor)
@@ -117,11 +117,11 @@ def _beside_traded(
     *,
     of_the_sensor: bool,
 ) -> tuple[Fit, tuple[str, ...]]:
-    """The fit with its clock and colour, and the parameters that it kept because they traded places with others."""
+    """The fit with its clock and noise colour, and the parameters that were fixed because they are confounded."""
     kept: tuple[str, ...] = ()
     while True:
         found = Problem.of(log, model, fixed=kept, known=known).solve(progress=progress)
-        if found.converged and steps_in_a_sample(found.model, log) > found.substeps:  # it moves faster than was thought
+        if found.converged and steps_in_a_sample(found.model, log) > found.substeps:  # it needs smaller steps
             found = Problem.of(log, found.model, fixed=kept, known=known).solve(progress=progress)
         traded = _traded(found)
         if not traded:
@@ -133,9 +133,9 @@ def _beside_traded(
 
 
 def _traded(found: Fit) -> tuple[str, ...]:
-    """Parameters of effects that a log cannot tell from the rigid body: they are kept, so that it can be told.
+    """Unidentifiable parameters of effects, confounded with the rigid body: they are fixed, so that it is identifiable.
 
-    Where the torque has one level only, a dead zone is worth the same as more of everything else.
+    If the torque has only one level, a dead zone has the same effect as larger values of all rigid-body parameters.
     """
     rigid = {spec.name for spec in parameters_of(type(found.model))}
     lost = set(found.unidentifiable) - set(found.fixed)
@@ -152,13 +152,13 @@ def known_of(
     *,
     stated: bool,
 ) -> PriorKnowledge:
-    """What is known of the parameters of a model, and of effects that may come to it.
+    """Prior knowledge of the parameters of a model, and of effects that may be added to it.
 
     Args:
         fixed, bounds, prior: as in `fit`.
         start: the model.
         effects: the effects.
-        stated: whether a model was given; the default start of a fit is no value to keep.
+        stated: whether the user gave the model; the starting values of the default model cannot be kept as fixed.
 
     Raises:
         BadParameter: as `fit` does.
@@ -175,9 +175,9 @@ def known_of(
 
 
 def base_model(log: Log) -> ServoModel:
-    """Where a fit starts that was told nothing: eqs. (4) and (6), without gravity on a linear axis.
+    """The default start of a fit: eqs. (4) and (6), with zero gravity.
 
-    Inertia and friction are of the size that half the torque of the log would move as it moved.
+    Viscous friction and inertia each take half of the rms torque of the log at its rms motion.
     """
     torque, angle, speed = (
         float(np.sqrt(np.mean(np.concatenate(values) ** 2)))

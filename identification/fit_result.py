@@ -1,4 +1,4 @@
-"""What a fit found: values with their uncertainty, and the fit report."""
+"""The result of a fit: values with their uncertainty, and the fit report."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from plant.result_display import Presented
 from plant.servo import ServoModel
 from plant.units import printed
 
-_ECHO = 1000  # samples for which an innovation may live on in coloured noise
+_ECHO = 1000  # samples of the impulse response of coloured noise
 
 
 @dataclass(frozen=True, kw_only=True)
 class FittedParameter:
-    """One line of a fit: `value` and `std` in `unit`; both are None where the data cannot tell.
+    """One line of a fit: `value` and `std` in `unit`; both are None if the data do not determine the parameter.
 
-    A parameter that is `fixed` and has no value was kept at its start, because the data cannot tell it from the others.
+    A `fixed` parameter without a value was kept at its start, because it is confounded with other parameters.
     """
 
     name: str
@@ -44,24 +44,24 @@ class Fit(Presented):
     """A fitted model with its uncertainty.
 
     Attributes:
-        model: with the estimates; a parameter about which the data say nothing keeps its start, and of several that
-            trade places what they are worth together is kept.
+        model: with the estimates; an undetermined parameter keeps its start, and of confounded parameters their
+            well-determined combination is estimated.
         parameters: one line each.
-        free: (F,) places of the fitted parameters.
-        covariance: (F, F) of the fitted parameters, for innovations of the colour that they have.
-        white_covariance: (F, F) the same if the innovations were white.
+        free: (F,) indices of the fitted parameters.
+        covariance: (F, F) of the fitted parameters, with the coloured innovations.
+        white_covariance: (F, F) the same for white innovations.
         initial: (R, 2) estimated angle and velocity at the first sample of each run.
-        bandwidth: of the observer [rad/s]; 0 when what the model misses is measurement noise alone.
+        bandwidth: of the observer [rad/s]; 0 if measurement noise alone explains the errors of a free simulation.
         noise_std: standard deviation of the innovations [rad].
-        log_likelihood: of the valid samples, less what a prior takes of it (`identification.prior`).
+        log_likelihood: of the valid samples, less half the prior's squared distance (`identification.prior`).
         samples: number of valid samples.
         innovations: (T,) of all runs, one after another; zero where masked.
         substeps: integration steps in one sample.
-        converged: whether the last iteration ended because nothing was left to gain.
+        converged: whether the last iteration ended because no further gain was predicted.
         evaluations: passes over the log.
-        log: what was fitted.
-        known: what a person said of the parameters before.
-        held_log_likelihood: of a chaotic model fitted behind an observer that holds it.
+        log: the fitted log.
+        known: the user's prior knowledge of the parameters.
+        held_log_likelihood: of a chaotic model fitted with an observer that is fast enough to follow the log.
     """
 
     model: ServoModel
@@ -89,27 +89,27 @@ class Fit(Presented):
 
     @property
     def unidentifiable(self) -> tuple[str, ...]:
-        """Names of the parameters that the data cannot tell."""
+        """Names of the parameters that the data do not determine."""
         return tuple(p.name for p in self.parameters if p.value is None)
 
     @property
     def fixed(self) -> tuple[str, ...]:
-        """Names of the parameters that were not fitted because they were to keep their value."""
+        """Names of the parameters that were not fitted but kept their value."""
         return tuple(p.name for p in self.parameters if p.fixed)
 
     @property
     def noise_floor(self) -> float:
-        """Standard deviation of the reading's own noise [rad]."""
+        """Standard deviation of the measurement noise, with its colour [rad]."""
         return self.noise_std * float(np.sqrt(np.sum(self._noise_echo**2)))
 
     @property
     def slow_noise(self) -> float:
-        """Standard deviation of white noise that is as strong at low frequencies as the reading's own [rad]."""
+        """Standard deviation of white noise that is as strong at low frequencies as the measurement noise [rad]."""
         return self.noise_std * float(abs(np.sum(self._noise_echo)))
 
     @property
     def noise_memory(self) -> float:
-        """How long the reading's own noise takes to fall to a third [s]; 0 where it is white."""
+        """Time in which the impulse response of the measurement noise falls to a third [s]; 0 if it is white."""
         loud = np.abs(self._noise_echo) > 1.0 / 3.0
         return float((int(np.flatnonzero(loud)[-1]) + 1) * self.log.sample_time) if self.log.colour else 0.0
 
@@ -122,18 +122,18 @@ class Fit(Presented):
 
     @property
     def runs_off(self) -> bool:
-        """Whether the motion grows without bound wherever a fit was tried."""
+        """Whether the motion grows without bound in every attempt to fit the model."""
         return self.log_likelihood == -np.inf
 
     @property
     def failed(self) -> str | None:
-        """Why the fit is worth nothing and what to do; None of a fit to be used, also where the load never moves."""
+        """Why the fit cannot be used and what to do; None if it can be used, and if the load never moves."""
         if self.runs_off:
             return "the motion of the model grows without bound. Leave out the part of the log where it does."
         if not self.converged:
             return "the iteration stopped before it converged. Start from a model near the machine: --base MODEL.json."
         free = [line for line in self.parameters if not line.fixed]
-        undetermined = any(line.value is None for line in free)  # beside which a value at its bound says nothing
+        undetermined = any(line.value is None for line in free)  # then a value at its bound means nothing
         told = [line.value is not None and not (line.at_bound and undetermined) for line in free]
         moves = [(run.output - run.output[run.valid].mean())[run.valid] for run in self.log.runs]
         if any(told) or not told or np.std(np.concatenate(moves)) <= 2.0 * self.noise_std:
@@ -150,7 +150,7 @@ class Fit(Presented):
         return np.asarray(self.covariance / np.outer(std, std))
 
     def model_file(self, gears: DriveTrain | None = None) -> ModelFile:
-        """The fitted model with its standard errors, the files that it came from, and the gears they were read with."""
+        """The fitted model with its standard errors, its source files, and the gears for which they were read."""
         return ModelFile(
             model=self.model,
             std={p.name: p.std for p in self.parameters},
@@ -181,7 +181,7 @@ class Fit(Presented):
 
 
 def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
-    """The fit as text: one line a parameter, then the correlations above `correlated`."""
+    """The fit as text: one line per parameter, then the correlations above `correlated`."""
     process = "output error" if fit.bandwidth == 0.0 else f"observer bandwidth {fit.bandwidth:.3g} rad/s"
     lines = [f"Fit of {len(fit.log.runs)} run(s), {fit.samples} samples: {process}"]
     lines += [f"  noise {fit.noise_std:.4g} {fit.log.measured_unit}, log-likelihood {fit.log_likelihood:.1f}", ""]
@@ -208,7 +208,7 @@ def _value(p: FittedParameter, failed: bool) -> str:
 
 
 def _said_before(fit: Fit) -> list[str]:
-    """One line for each parameter of which a person knew something."""
+    """One line for each prior and for each pair of bounds that the user gave."""
     units = {p.name: printed(p.unit) for p in fit.parameters}
     priors = [f"prior of {n}: {m:g} +- {s:g} {units[n]}" for n, (m, s) in fit.known.prior.items() if n in units]
     bounds = [f"bounds of {n}: {a:g} .. {b:g} {units[n]}" for n, (a, b) in fit.known.bounds.items() if n in units]
@@ -216,7 +216,7 @@ def _said_before(fit: Fit) -> list[str]:
 
 
 def correlations(fit: Fit, above: float) -> list[tuple[str, str, float]]:
-    """Pairs of fitted parameters whose correlation is above a threshold in size, the largest first."""
+    """Pairs of fitted parameters with a correlation above a threshold in magnitude, the largest first."""
     names = [fit.model.names[place] for place in fit.free]
     table = fit.correlation
     pairs = [

@@ -1,6 +1,6 @@
-"""What friction is worth its parameters, by regression over windows of a log.
+"""Friction from a regression over windows of a log.
 
-Outlying windows count less (Huber 1964); which effects are kept says the Bayesian information criterion (Schwarz 1978).
+Outlying windows count less (Huber 1964). The Bayesian information criterion (Schwarz 1978) selects the effects.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from identification.errors import Unidentifiable
 from plant.effects.effect import Array
 
 _HUBER = 1.345  # standard deviations beyond which a window counts less: 95 % efficient on Gaussian noise
-_SCALES = np.geomspace(0.01, 0.5, 12)  # Stribeck velocities that are tried, as shares of the top speed
-_TOLD = 5.0  # times its error, by which the velocity must change in windows for an inertia to be told
-_STEPS = 20  # to the Stribeck velocity between them
+_SCALES = np.geomspace(0.01, 0.5, 12)  # Stribeck velocities that are tried, relative to the top speed
+_TOLD = 5.0  # times its error: change of the velocity in windows from which an inertia is estimated
+_STEPS = 20  # iterations that refine the Stribeck velocity
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,10 +26,10 @@ class Regression:
 
     Attributes:
         values, std: of the coefficients, by name.
-        columns: (W,) what each multiplies.
-        residual: rms of what is left [N m].
-        spread: the same squared, with outlying windows counting less.
-        independent: how many independent windows there are, as what is left follows itself.
+        columns: (W,) regressor of each coefficient.
+        residual: rms of the residuals [N m].
+        spread: mean square of the residuals, with less weight for outlying windows (Huber).
+        independent: number of independent windows, from the correlation of neighbouring residuals.
     """
 
     values: dict[str, float]
@@ -41,7 +41,7 @@ class Regression:
 
 
 def best_of(found: list[Regression]) -> Regression:
-    """By the Bayesian information criterion, for as many independent windows as the closest candidate leaves."""
+    """The best by the Bayesian information criterion, with the number of independent windows of the closest fit."""
     if not found:
         raise Unidentifiable(
             "Friction cannot be separated from inertia and gravity in this log; record slow and fast speeds, both ways."
@@ -51,7 +51,7 @@ def best_of(found: list[Regression]) -> Regression:
 
 
 def candidates(rows: dict[str, Array], one_way: bool, rotary: bool) -> Iterable[Regression]:
-    """Least squares with every choice of what may be there."""
+    """One regression for each combination of inertia, gravity and Stribeck velocity."""
     v = rows["velocity"]
     always = {"coulomb": np.sign(v), "viscous": v}
     if not one_way:
@@ -74,14 +74,14 @@ def candidates(rows: dict[str, Array], one_way: bool, rotary: bool) -> Iterable[
 
 
 def _hump(rows: dict[str, Array], scale: float) -> Array:
-    """Mean of the Stribeck curve over each window, as the velocity changes in it; by Simpson's rule."""
+    """Mean of the Stribeck curve over the velocities in each window, by Simpson's rule."""
     v, half = rows["velocity"], 0.5 * rows["change"]
     slow, middle, fast = (np.exp(-(((v + part) / scale) ** 2)) for part in (-half, 0.0, half))
     return np.asarray(np.sign(v) * (slow + 4.0 * middle + fast) / 6.0)
 
 
 def refined(found: Regression, rows: dict[str, Array]) -> Regression:
-    """With the Stribeck velocity between those that were tried, by Gauss and Newton's method, and its error."""
+    """The regression with a Stribeck velocity refined by Gauss-Newton steps, and its standard error."""
     best, scale = found, found.values.get("stribeck_velocity", 0.0)
     speed = np.abs(rows["velocity"])
     for _ in range(_STEPS if scale else 0):
@@ -97,7 +97,7 @@ def refined(found: Regression, rows: dict[str, Array]) -> Regression:
 
 
 def _fitted(columns: dict[str, Array], torque: Array) -> Regression | None:
-    """Huber's regression; None where the columns cannot be told apart."""
+    """Huber's regression; None if the regressors are collinear or too many."""
     matrix = np.column_stack(list(columns.values()))
     scale = np.linalg.norm(matrix, axis=0)
     if torque.size <= matrix.shape[1] + 1 or np.any(scale == 0.0):

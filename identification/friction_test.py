@@ -1,7 +1,7 @@
 """A quick friction test: torque over speed from a staircase of speeds or slow sweeps, without a simulation.
 
 The log is cut into windows. Over a window mean torque = J times the change of the velocity over its length + mean
-friction + mean gravity, exactly; `identification.friction_regression` says what of it is there.
+friction + mean gravity, exactly; `identification.friction_regression` selects the terms.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from plant.servo import ServoModel
 if TYPE_CHECKING:
     import pandas as pd
 
-_GROUPS = 24  # of windows, by their speed
-_WIDTH = 0.2  # of a speed, that its group may have
-_MOST = (0.02, 0.98)  # of the windows have speeds that are apart by more standard errors than this
-_APART = 6.0
+_GROUPS = 24  # groups of windows over the whole range of velocities
+_WIDTH = 0.2  # of its speed: largest width of a group
+_MOST = (0.02, 0.98)  # quantiles of the speeds that must be further apart than
+_APART = 6.0  # standard errors
 _MEANINGS = {
     "coulomb": "Coulomb friction F_c",
     "viscous": "Viscous friction K",
@@ -48,14 +48,14 @@ class FrictionTest(Presented):
     """Friction over speed.
 
     Attributes:
-        values, std, units: by name: `coulomb`, `viscous`, and as far as the log tells them `offset`,
+        values, std, units: by name: `coulomb`, `viscous`, and if the log determines them `offset`,
             `excess` and `stribeck_velocity`, `inertia`, `gravity`, `gravity_quadrature`.
         velocity: (G,) mean of each group of windows with about the same speed [rad/s].
         torque: (G,) its friction and offset [N m], and `error` its standard error.
-        windows: (G,) how many there are in it.
-        residual: rms of what is left of the torque of a window [N m].
+        windows: (G,) number of windows in the group.
+        residual: rms of the residual torque of a window [N m].
         one_way: whether the load moved in one direction only, so that the offset is part of `coulomb`.
-        log: what was tested.
+        log: the tested log.
     """
 
     values: dict[str, float]
@@ -78,7 +78,7 @@ class FrictionTest(Presented):
 
     @property
     def model(self) -> ServoModel | None:
-        """A servo with this friction; None where the log does not tell its inertia."""
+        """A servo with this friction; None if the log does not determine its inertia."""
         found = self.values
         if "inertia" not in found or found["inertia"] < 2.0 * self.std["inertia"]:
             return None
@@ -115,7 +115,7 @@ class FrictionTest(Presented):
         return {names[name]: error for name, error in self.std.items()}
 
     def sentences(self) -> list[str]:
-        """What was found, a line each."""
+        """The results, one per line."""
         found, lines = self.values, []
         for name, meaning in _MEANINGS.items():
             if name in found:
@@ -159,7 +159,7 @@ def friction_test(log: LogLike) -> FrictionTest:
     """Friction from a log in which the load moves at several speeds, in steps or in slow sweeps.
 
     Raises:
-        Unidentifiable: the load does not move, or at one speed only.
+        Unidentifiable: the load does not move, or moves at one speed only.
     """
     log = log_of(log)
     rows = friction_windows(log)
@@ -210,15 +210,15 @@ def _units(log: Log) -> dict[str, str]:
 
 
 def _groups(velocity: Array) -> NDArray[np.intp]:
-    """(W,) the group of each window: the widest groups that are no wider than a share of all speeds, nor of their own.
+    """(W,) the group of each window: the width of a group is limited by the range of velocities and by its own speed.
 
-    The second keeps slow speeds apart, where friction changes most.
+    The second limit separates slow speeds, at which friction changes most.
     """
     if velocity.size < 2:
         return np.zeros(velocity.size, dtype=np.intp)
     speed = np.abs(velocity)
     width = max(np.ptp(velocity) / _GROUPS, np.finfo(float).tiny)
-    knee = width / _WIDTH  # above it the first counts
+    knee = width / _WIDTH  # above it the first limit applies
     place = np.where(speed > knee, speed / width, (1.0 + np.log(np.minimum(speed, knee) / knee)) / _WIDTH)
     apart = np.sign(velocity) * (place - place.min() + 1.0)
     return np.asarray(fcluster(linkage(apart[:, None], "complete"), 1.0, "distance"), dtype=np.intp) - 1

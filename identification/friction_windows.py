@@ -1,4 +1,4 @@
-"""A log in windows over which the balance of momentum is exact, whatever happens inside."""
+"""Windows of a log over which the momentum balance is exact, whatever the motion inside a window."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from identification.log import Log, Run
 from plant.effects.effect import Array
 
-_WINDOWS = 400  # that a log is cut into, if that leaves each its samples
-_SAMPLES = 8
-_SLOWEST = 3.0  # standard errors of its velocity within which a direction is not known, or a change is even
+_WINDOWS = 400  # per log, if each then has enough samples
+_SAMPLES = 8  # least number in a window
+_SLOWEST = 3.0  # standard errors of the velocity: below it the direction is unknown, or the acceleration is constant
 
 
 def friction_windows(log: Log) -> dict[str, Array]:
-    """Means over the windows of all runs in which the load moves one way, as in those before and after, and evenly."""
+    """Means over windows with constant acceleration, in which the load moves in the direction of both neighbours."""
     samples = max(_SAMPLES, sum(map(len, log.runs)) // _WINDOWS)
     names = ("torque", "velocity", "velocity_error", "acceleration", "change", "trend", "cos", "sin")
     parts = []
@@ -31,16 +31,16 @@ def friction_windows(log: Log) -> dict[str, Array]:
 
 
 def kept_of(rows: dict[str, Array], kept: NDArray[np.bool_]) -> dict[str, Array]:
-    """Of each column the windows that are kept."""
+    """The selected windows of each column."""
     return {name: values[kept] for name, values in rows.items()}
 
 
 def _windows_of(run: Run, samples: int) -> Iterable[tuple[float, ...]]:
-    """Torque, velocity, its error, acceleration, change and trend of the velocity, gravity; a window at a time."""
+    """For each window torque, velocity, its error, acceleration, change and trend of the velocity, cos and sin x."""
     held = np.diff(run.time, append=run.time[-1] + run.sample_time)
     after = np.append(run.output[1:], run.output[-1])
     middle, rate = 0.5 * (run.output + after), (after - run.output) / held
-    torque = run.command - run.servo_gain * middle - run.servo_damping * rate  # its mean while the command is held
+    torque = run.command - run.servo_gain * middle - run.servo_damping * rate  # mean over the hold time of the command
     torque = np.clip(torque, -run.command_limit, run.command_limit)
     near = samples // 2
     for first in range(near, len(run) - samples - near, samples):

@@ -1,8 +1,8 @@
-"""The inverse model: the torque that the measured motion needs, beside the torque that was commanded.
+"""The inverse model: the torque needed for the measured motion, compared with the commanded torque.
 
-Derivatives of the measured angle come from a zero-phase Butterworth filter and central differences, and every signal
-passes the same filter (Gautier 1997; the practice of robot identification). It gives the relative torque error in which
-inverse models are published.
+The derivatives of the measured angle come from a zero-phase Butterworth filter and central differences; every signal
+passes the same filter (Gautier 1997; common practice in robot identification). The result is the relative torque error,
+the usual measure in publications on inverse models.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 from plant.simulation import actuator_torque
 
-_PERIODS = 5.0  # of the lowest cutoff in the longest run
+_PERIODS = 5.0  # of the lowest cutoff frequency in the longest run
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilteredMotion:
-    """A run's motion and torque behind the same low pass, on a uniform time grid.
+    """A run's motion and torque after the same low pass, on a uniform time grid.
 
     Attributes:
         time, angle, velocity, acceleration, torque: (T,) [s, rad, rad/s, rad/s^2, N m]; a linear axis has m and N.
-        still: (T,) whether the load moves by less than a count of its encoder in a period of the low pass.
+        still: (T,) whether the load moves by less than one encoder count in a period of the low pass.
     """
 
     time: Array
@@ -50,14 +50,14 @@ def inverse_cutoff(log: Log) -> float:
 
 
 def lowest_cutoff(log: Log) -> float:
-    """Cutoff of a low pass that leaves a few periods of the longest run [Hz]: less would be no motion."""
+    """Lowest cutoff of a low pass [Hz]: a few of its periods fit into the longest run."""
     return _PERIODS / max(run.duration for run in log.runs)
 
 
 def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) -> FilteredMotion:
     """Filter a run with a zero-phase 4th-order Butterworth low pass at `cutoff` [Hz].
 
-    The torque is the command or, when a model is given, what arrives behind its actuator effects.
+    The torque is the command or, when a model is given, the torque after its actuator effects.
     """
     time = np.linspace(run.time[0], run.time[-1], len(run))
     dt = float(time[1] - time[0])
@@ -75,32 +75,33 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
 
 
 def _count(run: Run) -> float:
-    """Smallest step of a reading, that of its encoder unless noise is finer [rad or m]."""
+    """Smallest step of the measurement [rad or m]: an encoder count, unless the values are not quantised."""
     steps = np.abs(np.diff(run.output[run.valid]))
     return float(np.min(steps, where=steps > 0.0, initial=np.max(steps, initial=0.0)))
 
 
 def smooth(values: Array, cutoff: float, dt: float) -> Array:
-    """(T,) values behind the zero-phase low pass [Hz, s]."""
+    """(T,) values after the zero-phase low pass; cutoff [Hz], dt [s]."""
     from scipy import signal
 
     low_pass = _low_pass(cutoff, dt)
-    padding = min(3 * (2 * len(low_pass) + 1), len(values) - 1)  # SciPy's own, where the record is that long
+    padding = min(3 * (2 * len(low_pass) + 1), len(values) - 1)  # SciPy's default, if the record is long enough
     return np.asarray(signal.sosfiltfilt(low_pass, values, padlen=padding), dtype=float)
 
 
 @lru_cache(maxsize=64)
 def _low_pass(cutoff: float, dt: float) -> Array:
-    """Its second-order sections; to design them takes as long as to filter a few thousand samples."""
+    """Second-order sections of the low pass; cached, as the design takes as long as filtering thousands of samples."""
     from scipy import signal
 
     return np.asarray(signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos"))
 
 
 def mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
-    """(T,) mean torque over the sample about each of T even instants.
+    """(T,) mean torque over one sample time around each of T evenly spaced instants.
 
-    A command is held for the sample that follows; at a sampling instant half of the old and half of the new one act.
+    A command is held until the next sample; so the mean around a sampling instant is half the old, half the new
+    command.
     """
     time = np.linspace(run.time[0], run.time[-1], len(run))
     dt, steps = float(time[1] - time[0]), np.diff(run.time)
@@ -126,8 +127,8 @@ def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:
 
     Args:
         log: measured motion and torque.
-        model: its dry friction acts by the direction of the filtered velocity.
-        cutoff: of the filter [Hz]; figures compare only at the same one.
+        model: the direction of its dry friction is that of the filtered velocity.
+        cutoff: of the filter [Hz]; only errors with the same cutoff can be compared.
     """
     missed, torque = torque_error_samples(log, model, cutoff=cutoff)
     return float(np.linalg.norm(missed) / np.linalg.norm(torque))
@@ -146,9 +147,9 @@ def torque_error_samples(log: Log, model: ServoModel, *, cutoff: float) -> tuple
 
 
 def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
-    """(T,) torque behind the actuator that the motion needs [N m]: eq. (4) solved for it, the drivetrain rigid.
+    """(T,) torque after the actuator that is needed for the motion [N m]: eq. (4) solved for it, drivetrain rigid.
 
-    A load that stands still by dry friction needs none in particular: of those that friction holds, the nearest.
+    At standstill dry friction balances a range of torques: the one nearest to the measured torque is taken.
     """
     travels = np.diff(motion.angle, prepend=motion.angle[0])
     rows = np.column_stack(
@@ -161,7 +162,7 @@ def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
 
 @recursion(carried=1)
 def _passive(structure: Structure) -> Any:
-    """(state), rows of motion, parameters, time step -> torque that the motion needs without acceleration, inertia."""
+    """(state), rows of motion, parameters, time step -> needed torque without that of the acceleration, inertia."""
     template = structure.model
     state, parameters = ca.SX.sym("state", len(template.states)), ca.SX.sym("parameters", len(template.names))
     row, dt, model = ca.SX.sym("row", 6), ca.SX.sym("dt"), template.bound(parameters)
@@ -184,16 +185,16 @@ def _passive(structure: Structure) -> Any:
 
 
 def _true_angle(model: ServoModel, reading: Array) -> Array:
-    """(T,) angle that a sensor of small error shows as a reading (T,), the sensor's lag aside."""
+    """(T,) true angle for a measured angle (T,) of a sensor with a small error; sensor lag is not corrected."""
     if all(effect.states or type(effect).reading is Effect.reading for effect in model.effects):
-        return reading  # as it is
+        return reading  # no static sensor error
     shown = _shown(Structure(model))((), reading[:, None], model.values)[1][0][:, 0]
     return np.asarray(reading - (shown - reading))
 
 
 @recursion(carried=0)
 def _shown(structure: Structure) -> Any:
-    """Rows of an angle, parameters -> what sensors without memory show of it."""
+    """Rows of an angle, parameters -> measured angle with sensor effects that have no state."""
     angle, parameters = ca.SX.sym("angle"), ca.SX.sym("parameters", len(structure.model.names))
     shown = angle
     for effect in structure.model.bound(parameters).effects:

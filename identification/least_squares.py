@@ -1,7 +1,7 @@
 """Damped Gauss-Newton with bounds on the normal equations (Levenberg 1944, Marquardt 1963).
 
-Logs are long and parameters few, so the work is one pass over the log for each trial; what remains is a system of the
-size of the parameter vector, solved here with an active set for the bounds.
+Logs are long and parameters few, so nearly all the work is one pass over the log for each trial. The remaining system
+has the size of the parameter vector; it is solved here with an active set for the bounds.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from plant.effects.effect import Array
 
-_APART = 0.1  # of the log-likelihood, by which two points have to differ
-_ALIKE = 1e-12  # of the information about some regressors, below which about their difference there is none
-_ROUNDING = 1e-8  # component of a unit vector that may be none
+_APART = 0.1  # least difference in log-likelihood of two distinct points
+_ALIKE = 1e-12  # relative singular value below which regressors are collinear
+_ROUNDING = 1e-8  # component of a unit vector that counts as zero
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,7 +26,7 @@ class NormalEquations:
 
     Attributes:
         cost: sum of squares of the residuals.
-        gradient: (n,) of half the cost.
+        gradient: (n,) gradient of half the cost.
         information: (n, n) Jacobian transposed times Jacobian.
     """
 
@@ -47,7 +47,7 @@ class NormalEquations:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Minimum:
-    """Where the iteration ended, and the problem linearised there."""
+    """The point at which the iteration ended, and the problem linearised there."""
 
     point: Array
     equations: NormalEquations
@@ -55,7 +55,7 @@ class Minimum:
     evaluations: int
 
     def is_at(self, point: Array, samples: int) -> bool:
-        """Whether a point (n,) lies so near that so many residuals do not tell the two apart."""
+        """Whether a point (n,) is so near that `samples` residuals do not distinguish the two."""
         apart, here = self.point - point, self.equations
         if not np.isfinite(here.cost):  # it overflowed, and so may its information
             return False
@@ -82,15 +82,15 @@ def minimise(
         upper: (n,) upper bounds.
         samples: number of residuals.
         iterations: most evaluations of the problem.
-        tolerance: stop when a step promises to raise the log-likelihood (samples/2 log cost) by less than this.
-        at_start: the problem at `start`, if known already.
+        tolerance: stop if the predicted gain in log-likelihood (samples/2 log cost) of a step is less than this.
+        at_start: the problem at `start`, if it is known already.
     """
     point = np.clip(start, lower, upper)
     here = at_start if at_start is not None else evaluate(point)
     evaluations, damping, converged = int(at_start is None), 1e-6, here.cost == 0.0
     while evaluations < iterations and np.isfinite(here.cost) and here.cost > 0.0:
-        # A quantity that is positive by nature (a time, a width, an inertia) changes by a factor of five at most, so
-        # that a direction which the log does not determine does not diverge.
+        # A positive quantity (a time, a width, an inertia) changes by a factor of five at most, so that an undetermined
+        # direction does not diverge.
         least = np.where(lower > 0.0, np.maximum(lower, point / 5.0), lower)
         most = np.where(lower > 0.0, np.minimum(upper, point * 5.0), upper)
         step = _bounded_step(here, point, least, most, damping, silent=_silent(here, lower, upper, samples, tolerance))
@@ -102,7 +102,7 @@ def minimise(
         there = evaluate(target)
         evaluations += 1
         with np.errstate(over="ignore"):
-            kept = (here.cost - there.cost) / promise  # of what was promised
+            kept = (here.cost - there.cost) / promise  # actual over predicted decrease
         if kept > 1e-4:
             point, here = target, there
             damping = max(damping * (0.1 if kept > 0.5 else 1.0 if kept > 0.1 else 5.0), 1e-12)
@@ -115,10 +115,10 @@ def minimise(
 
 
 def _silent(here: NormalEquations, lower: Array, upper: Array, samples: int, tolerance: float) -> NDArray[np.bool_]:
-    """(n,) coordinates that the log does not determine here: from bound to bound the fit would stay the same.
+    """(n,) coordinates that the log does not determine here: the cost is the same from bound to bound.
 
-    An instant at which the load rests is one. Such a coordinate stays where it is: next to nothing would send it to
-    its bound, where the log may say very much, and no step would do.
+    An example is the time of an event while the load rests. Such a coordinate is not changed: rounding would send it to
+    its bound, where it may matter very much, and every step would be rejected.
     """
     known = np.diag(here.information)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -129,10 +129,10 @@ def _silent(here: NormalEquations, lower: Array, upper: Array, samples: int, tol
 def _bounded_step(
     here: NormalEquations, point: Array, lower: Array, upper: Array, damping: float, *, silent: NDArray[np.bool_]
 ) -> Array:
-    """The damped step within the bounds: a coordinate that would leave stops at its bound, the others go on.
+    """The damped step within the bounds (active set): a coordinate that would leave is fixed at its bound.
 
-    When they have arrived, a stopped coordinate that is pulled back inside is let go again: what pushed it out may have
-    been stopped itself. Without that the iteration can end at a bound where nothing holds it.
+    After the others are solved, a fixed coordinate with a gradient to the inside is freed again, as the coordinate that
+    pushed it out may itself be fixed by now. Otherwise the iteration can end at a bound that is not active.
     """
     scale = np.sqrt(np.maximum(np.diag(here.information), 1e-300))
     information = here.information / np.outer(scale, scale)
@@ -159,12 +159,12 @@ def _bounded_step(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertainty:
-    """What least squares leaves open.
+    """Uncertainty of a least-squares estimate.
 
     Attributes:
-        covariance: (n, n) of the estimate, for residuals of the colour that they have.
-        white: (n, n) the same if the residuals were white.
-        undetermined: (n,) parameters into which a direction of (numerically) no information reaches.
+        covariance: (n, n) of the estimate, with the coloured residuals.
+        white: (n, n) the same for white residuals.
+        undetermined: (n,) parameters with a component in a direction of (numerically) no information.
         null_projection: (n, n) projection of a displacement onto those directions.
     """
 
@@ -182,7 +182,7 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
         coloured: (n, n) J'RJ.
         variance: of the residuals.
     """
-    bad = ~(np.isfinite(np.diag(information)) & np.isfinite(np.diag(coloured)))[:, None]  # overflowed: nothing is known
+    bad = ~(np.isfinite(np.diag(information)) & np.isfinite(np.diag(coloured)))[:, None]  # overflowed: no information
     information, coloured = (np.where(bad | bad.T | ~np.isfinite(of), 0.0, of) for of in (information, coloured))
     diagonal = np.diag(information)
     scale = np.where(diagonal > 0.0, np.sqrt(np.maximum(diagonal, 1e-300)), 1.0)
@@ -192,7 +192,7 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
     silent = np.where(np.abs(vectors[:, lost]) > _ROUNDING, vectors[:, lost], 0.0)
     size = np.outer(scale, scale)
     power, along = np.linalg.eigh(coloured / size)
-    half = inverse @ (along * np.sqrt(np.maximum(power, 0.0)))  # its square has no negative variance by rounding
+    half = inverse @ (along * np.sqrt(np.maximum(power, 0.0)))  # its square has no negative variance
     with np.errstate(over="ignore", invalid="ignore"):
         covariance, white = half @ half.T / size, variance * inverse / size
     return Uncertainty(
@@ -206,14 +206,15 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
 def bounded_least_squares(information: Array, pull: Array, positive: tuple[bool, ...] = ()) -> Array:
     """(m,) least-squares coefficients of some regressors R for values y, those marked `positive` not below zero.
 
-    Those that are zero at the optimum are found by trying, for there are few (Lawson and Hanson 1974, ch. 23).
+    There are few of them, so the ones that are zero at the optimum are found by enumeration (Lawson and Hanson 1974,
+    ch. 23).
 
     Args:
         information: (m, m) R'R.
         pull: (m,) R'y.
-        positive: (m,) or none.
+        positive: (m,) or empty.
     """
-    # A regressor of which only rounding is left has products with others that no regressor has.
+    # The products of a regressor that is only rounding can violate the Cauchy-Schwarz inequality.
     size = np.sqrt(np.maximum(np.diag(information), 1e-280))
     scaled = np.clip(information / size / size[:, None], -1.0, 1.0)
     target, marked = np.where(np.diag(information) > 1e-280, pull / size, 0.0), np.flatnonzero(positive)

@@ -1,4 +1,4 @@
-"""`Log`: measured experiments, read, checked and repaired only where it says so."""
+"""`Log`: measured experiments, read and checked; every repair is reported."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ class Log(Drawn):
     """Experiments on one machine.
 
     runs: at least one.
-    warnings: what was found, `repairs`: what was masked, continued or left out; one sentence each.
-    faults: why no model can be fitted to it as it is, and the option that helps; one sentence each.
-    command_unit: "N m", "N", or what the torque is counted in where its scale is unknown, as `notes` then say: "V",
-        "A", or "rad" and "m" of a position servo's error.
-    colour: autoregression of the reading's noise, as `identification.coloured_noise` finds it; empty for white noise.
-    evenly_timed: whether `identification.time_stamp_jitter` put even times in the place of the written ones.
+    warnings: findings, `repairs`: samples that were masked, continued or left out; one sentence each.
+    faults: why no model can be fitted to the log as it is, and the option that helps; one sentence each.
+    command_unit: "N m", "N", or the unit of the torque if its scale is unknown: "V", "A", or "rad" and "m" of a
+        position servo's error; `notes` then say so.
+    colour: autoregression of the measurement noise from `identification.coloured_noise`; empty for white noise.
+    evenly_timed: whether `identification.time_stamp_jitter` replaced the time stamps by even times.
 
     Raises `MalformedLog` when there is no run.
     """
@@ -74,7 +74,7 @@ class Log(Drawn):
     }
 
     def __post_init__(self) -> None:
-        """Refuse an empty log or an unknown axis."""
+        """Raise an error for an empty log or an unknown axis."""
         if not self.runs:
             raise MalformedLog("the log holds no runs, give at least one.")
         if self.axis not in ("rotary", "linear"):
@@ -89,9 +89,9 @@ class Log(Drawn):
         return f"Log({runs}, {samples} samples, {rate:.4g} Hz, {duration:.2f} s, {self.axis})"
 
     def usable(self, *, force: bool = False) -> Log:
-        """The log if no fault makes it unusable; with `force` in any case, its faults being warnings then.
+        """The log if it has no faults; with `force` in any case, with its faults as warnings.
 
-        Raises `UnusableLog` with the first fault and how many follow.
+        Raises `UnusableLog` with the first fault and the number of the others.
         """
         if not self.faults:
             return self
@@ -106,23 +106,23 @@ class Log(Drawn):
         """Sample time of the slowest run [s]."""
         return max(run.sample_time for run in self.runs)
 
-    @cached_property  # and no property: where one returns a Literal, jedi completes nothing in IPython
+    @cached_property  # not a property: jedi completes nothing in IPython if a property returns a Literal
     def response(self) -> Response:
-        """What was measured: the "angle" (or position), or the "velocity" alone."""
+        """The measured quantity: the "angle" (or position), or the "velocity" alone."""
         return self.runs[0].response
 
     @property
     def measured_unit(self) -> str:
-        """The unit of what was measured."""
+        """The unit of the measured quantity."""
         return {"rotary": "rad", "linear": "m"}[self.axis] + "/s" * (self.response == "velocity")
 
     def shows(self, kind: type[Effect]) -> bool:
-        """Whether an effect can be seen in it: it is one of its axis, and needs no angle where there is none."""
+        """Whether the log can show an effect: it exists on the log's axis, and needs no angle if none was measured."""
         return self.axis in kind.axes and not (kind.needs_angle and self.response == "velocity")
 
     @property
     def torque_unit(self) -> str | None:
-        """What the torque is counted in where its scale is unknown, as in `ServoModel`; None for N m, or N."""
+        """Unit of the torque if its scale is unknown, as in `ServoModel`; None for N m and N."""
         return None if self.command_unit in ("N m", "N") else self.command_unit
 
     @classmethod
@@ -135,22 +135,22 @@ class Log(Drawn):
     ) -> Log:
         """Read one or several files of any known kind, see `identification.reading.files`; "-" is standard input.
 
-        Two files of one experiment, of which one has the command and one the response, are joined on their clocks.
+        Two files of one experiment, one with the command and one with the response, are joined on their clocks.
 
-        how: names, units and what the file cannot know, as in `identification.reading.reading_options.Reading`:
+        how: names, units and facts that are not in the file, as in `identification.reading.reading_options.Reading`:
             `mapping={"angle": "qm"}`, `units={"angle": "deg"}`, `scales={"torque": 35.15}`, `gears`, `rate`,
-            `torque_constant`, `kp`, `kd`, `joint`. A unit that the file itself gives needs not be said; one may have a
+            `torque_constant`, `kp`, `kd`, `joint`. A unit that is in the file need not be given. A unit may have a
             factor: `turn/131072` for counts, `2.4Nm/1000` for per mille of a rated torque.
-        after: called twice a file: when it is read, and when it is checked.
+        after: called twice per file: after reading and after the checks.
 
-        Raises `MalformedLog` for what cannot be used and `BadParameter` for options that do not fit.
+        Raises `MalformedLog` for a log that cannot be used and `BadParameter` for options that do not fit.
         """
         listed = [paths] if isinstance(paths, str | Path) else list(paths)
         return cls.of_files(listed, Reading(**how), after or (lambda: None))
 
     @classmethod
     def of_files(cls, paths: Sequence[str | Path], reading: Reading, done: Callable[[], None] = lambda: None) -> Log:
-        """The same for a `Reading`; `done` is called twice a file."""
+        """`read` for a `Reading`; `done` is called twice per file."""
         if not paths:
             raise BadParameter("no log is given, name at least one file.")
         tables = []
@@ -161,7 +161,7 @@ class Log(Drawn):
 
     @classmethod
     def of_tables(cls, tables: Sequence[Table], reading: Reading, done: Callable[[], None] = lambda: None) -> Log:
-        """A log of tables that have been read; `done` is called once a table."""
+        """A log of tables that have been read; `done` is called once per table."""
         logs = []
         for table in joined_if_needed(tables, reading):
             logs.append(cls._from_table(table, reading))
@@ -193,7 +193,7 @@ class Log(Drawn):
         rate: float | None = None,
         **channels: ArrayLike,
     ) -> Log:
-        """A log from arrays (T,) named as the log contract names them: `time=..., torque=..., angle=...`.
+        """A log from arrays (T,) with the names of the log contract: `time=..., torque=..., angle=...`.
 
         Arguments and errors as in `read`; the gains `kp` and `kd` of a position servo are numbers or arrays.
         """
@@ -262,10 +262,11 @@ class Log(Drawn):
 
     @classmethod
     def merge(cls, logs: Sequence[Log]) -> Log:
-        """All runs of several logs of one machine, numbered in the order of the logs, which also is what a run is
-        called whose label meets another one's.
+        """All runs of several logs of one machine, numbered in the order of the logs.
 
-        Raises `MalformedLog` when the logs differ in axis or in the command's unit.
+        If experiments have the same label in the run column, the numbers replace these labels in all runs.
+
+        Raises `MalformedLog` when the logs differ in axis, in response or in the command's unit.
         """
         if not logs:
             raise MalformedLog("there are no logs to merge, give at least one.")
@@ -283,7 +284,7 @@ class Log(Drawn):
                     "separate commands for them."
                 )
         notes = dict.fromkeys(note for log in logs for note in log.notes)
-        numbers: dict[tuple[int, int], int] = {}  # parts of one run keep one number
+        numbers: dict[tuple[int, int], int] = {}  # pieces of one experiment have one number
         runs = [
             replace(run, number=numbers.setdefault((k, run.number), len(numbers)))
             for k, log in enumerate(logs)
@@ -307,7 +308,7 @@ class Log(Drawn):
         return replace(self, runs=self.runs[:n_runs])
 
     def select(self, runs: Sequence[int]) -> Log:
-        """The runs at these places (0 is the first), in this order."""
+        """The runs with these indices (0 is the first), in this order."""
         wrong = [place for place in runs if not -len(self.runs) <= place < len(self.runs)]
         if wrong:
             raise BadParameter(f"there is no run at place {wrong[0]}, the log has {len(self.runs)} runs.")

@@ -1,4 +1,4 @@
-"""What may be given as a log: a file, several files, a table, arrays."""
+"""The types that are accepted as a log: a file, several files, a table, arrays."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def log_of(source: LogLike) -> Log:
     """The log itself, or one read from a path or several, a DataFrame, or arrays by name.
 
     Raises:
-        BadParameter: it is nothing of that kind.
-        MalformedLog: it cannot be used.
+        BadParameter: the source is of another type.
+        MalformedLog: the log cannot be used.
     """
     if isinstance(source, Log):
         return source

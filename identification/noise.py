@@ -1,8 +1,8 @@
-"""The colour of what a predictor leaves, and what it does to the certainty of an estimate.
+"""Coloured innovations, and their effect on the uncertainty of an estimate.
 
-A perfect predictor leaves white innovations. Real measurement noise has a colour (quantisation, filters in the drive,
-friction that is not quite repeatable), and without it the same evidence is counted several times. An
-autoregression of the innovations (Box and Jenkins 1970) says by how much.
+A perfect predictor leaves white innovations. Real innovations are coloured (quantisation, filters in the drive,
+friction that is not quite repeatable). If this is ignored, the same information is counted several times. An
+autoregression of the innovations (Box and Jenkins 1970) corrects for it.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ ORDER = 20
 
 
 def autoregression(innovations: Array, order: int = ORDER) -> Array:
-    """(p,) coefficients that predict an innovation (T,) from its past, p <= order, chosen by the data.
+    """(p,) coefficients that predict an innovation from its past, for innovations (T,); p <= order.
 
-    Yule-Walker, which is always a stable model; p by Schwarz's criterion, so that white innovations have no colour.
+    The Yule-Walker estimate is always stable. Schwarz's criterion selects p; for white innovations it is zero.
     """
     n = innovations.size
     order = min(order, n // 10)
@@ -42,14 +42,14 @@ def autoregression(innovations: Array, order: int = ORDER) -> Array:
 
 
 def whiten(values: Array, coefficients: Array) -> Array:
-    """(T, ...) what the autoregression does not predict of the values, along the first axis."""
+    """(T, ...) part of the values that the autoregression does not predict, along the first axis."""
     from scipy.signal import lfilter  # takes half a second to import
 
     return np.asarray(lfilter(np.concatenate(([1.0], -coefficients)), [1.0], values, axis=0), dtype=float)
 
 
 def short_autoregression(innovations: Array) -> tuple[float, float]:
-    """Yule-Walker coefficients of order two; none of innovations that are all zero or overflowed."""
+    """Yule-Walker coefficients of order two; zero for innovations that are all zero or overflowed."""
     n, largest = innovations.size, float(np.max(np.abs(innovations), initial=0.0))
     if not 0.0 < largest < np.inf:
         return 0.0, 0.0
@@ -60,15 +60,15 @@ def short_autoregression(innovations: Array) -> tuple[float, float]:
 
 
 class Whitening:
-    """The same piece by piece."""
+    """`whiten`, piece by piece."""
 
     def __init__(self, coefficients: Sequence[float]) -> None:
-        """Before the first piece everything was zero."""
+        """All values before the first piece are zero."""
         self._filter = np.concatenate(([1.0], -np.asarray(coefficients, dtype=float)))
         self._state: Array | None = None
 
     def __call__(self, values: Array) -> Array:
-        """(T, M) of the next piece (T, M)."""
+        """(T, M) whitened values of the next piece (T, M)."""
         from scipy.signal import lfilter
 
         before = np.zeros((self._filter.size - 1, values.shape[1])) if self._state is None else self._state
@@ -84,19 +84,19 @@ def colour(values: Array, coefficients: Array) -> Array:
 
 
 def coloured_information(jacobian: Array, residuals: Array) -> Array:
-    """(n, n) J'RJ, with R the covariance of the residuals (T,) by their autoregression and J the Jacobian (T, n)."""
+    """(n, n) J'RJ, with R the covariance of the residuals (T,) from their autoregression, J the Jacobian (T, n)."""
     coefficients, variance = colouring(residuals)
-    coloured = colour(jacobian[::-1], coefficients)  # R = C'C with C the colouring filter: C' runs backwards
+    coloured = colour(jacobian[::-1], coefficients)  # R = variance C C', C the colouring filter: C' is backwards
     return np.asarray(variance * (coloured.T @ coloured))
 
 
 def colouring(residuals: Array) -> tuple[Array, float]:
-    """Autoregression (p,) of residuals (T,) and the variance of what drives it."""
+    """Autoregression (p,) of residuals (T,) and the variance of its white input."""
     coefficients = autoregression(residuals)
     with np.errstate(over="ignore", invalid="ignore"):
         return coefficients, float(np.mean(whiten(residuals, coefficients) ** 2))
 
 
 def log_likelihood(cost: float, samples: int) -> float:
-    """Gaussian log-likelihood of a sum of squared innovations, with the noise level at its best value."""
+    """Gaussian log-likelihood of a sum of squared innovations, with the noise variance that maximises it."""
     return float(-0.5 * samples * (np.log(2.0 * np.pi * max(cost, 1e-300) / samples) + 1.0))

@@ -1,4 +1,4 @@
-"""The least-squares objective on a log: what may move, and the sum of squares with its slopes at any point."""
+"""The least-squares objective on a log: the free parameters, and the sum of squares with its gradient at any point."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from plant.effects.nonparametric_curve import Nonparametric
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
-_MOST = 100.0  # log of the factor by which a cost may rise, beyond which it would overflow
+_MOST = 100.0  # largest log of the factor by which a prior raises the cost: no overflow
 
 
 def same_unit(log: Log, model: ServoModel) -> None:
-    """Raise `BadParameter` where a model counts the torque in another unit than a log."""
+    """Raise `BadParameter` if model and log have different units of torque."""
     if model.torque_unit != log.torque_unit:
         usual = "N" if model.axis == "linear" else "N m"
         raise BadParameter(
@@ -34,15 +34,15 @@ def same_unit(log: Log, model: ServoModel) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Objective:
-    """A log, a model's structure and what may move.
+    """A log, a model structure and its free parameters.
 
     Attributes:
         log: to be explained.
-        model: the structure; its numbers are those of what is fixed, and one start.
-        predictor: of the log's runs by the structure.
+        model: the structure; its values are those of the fixed parameters and one starting point.
+        predictor: predicts the log's runs with the structure.
         lower, upper: (F + 2R,) bounds of a point.
-        prior: of what moves before the log is seen, None where nothing is known of it.
-        known: what a person said of it.
+        prior: of the free parameters, None without prior knowledge.
+        known: the user's prior knowledge.
     """
 
     log: Log
@@ -57,17 +57,18 @@ class Objective:
     def of(
         cls, log: Log, model: ServoModel, *, fixed: Collection[str] = (), known: PriorKnowledge | None = None
     ) -> Self:
-        """Of a model's parameters all move but the fixed ones; gravity is zero where no angle is known or has a part.
+        """The objective in which all parameters of a model are free except the fixed ones.
 
-        The shape of what has no name is fixed, and what of the model it could be.
+        Gravity is not fitted on a linear axis; if only the velocity is measured, it is zero and not fitted. For a
+        non-parametric effect its range and the parameters of the model that it absorbs are not fitted.
 
-        A model in N m is a mere start where the log's torque is counted in another unit; the fit is in that of the log.
+        A model in N m only gives the starting values if the torque of the log has another unit; the fit has that unit.
 
         Args:
             log: to be explained.
             model: its structure.
             fixed: parameters that keep their value.
-            known: what a person knows of any parameters, also of such as the model does not have.
+            known: the user's knowledge of any parameters, also of some that the model does not have.
         """
         known = PriorKnowledge() if known is None else known
         model = known.held(model)
@@ -109,12 +110,12 @@ class Objective:
 
     @property
     def free(self) -> tuple[int, ...]:
-        """Places of the parameters that move."""
+        """Indices of the free parameters."""
         return self.predictor.free
 
     @property
     def samples(self) -> int:
-        """Number of samples that count."""
+        """Number of valid samples."""
         return int(sum(run.valid.sum() for run in self.log.runs))
 
     def unpack(self, point: Array) -> tuple[Array, Array]:
@@ -142,13 +143,13 @@ class Objective:
         return total * self.loss(point) if np.isfinite(total) else np.inf
 
     def loss(self, point: Array) -> float:
-        """Factor by which a prior raises the cost, so much that the log-likelihood falls as the Gaussian's does."""
+        """Factor by which the prior raises the cost: it lowers the log-likelihood by half of `Prior.distance`."""
         if self.prior is None:
             return 1.0
         return float(np.exp(min(self.prior.distance(point[: len(self.free)]) / self.samples, _MOST)))
 
     def with_prior(self, found: NormalEquations, point: Array) -> NormalEquations:
-        """The same with what was known before."""
+        """The normal equations with the prior added."""
         if self.prior is None or not np.isfinite(found.cost):
             return found
         own, weight, loss = slice(len(self.free)), found.cost / self.samples, self.loss(point)
@@ -159,6 +160,6 @@ class Objective:
 
 
 def _within(own: tuple[float, float], said: tuple[float, float]) -> tuple[float, float]:
-    """The bounds that a person gave, as far as the log can tell such values at all."""
+    """The user's bounds `said`, clipped to the parameter's bounds `own` on the log; unchanged if nothing is left."""
     lower, upper = np.clip(said, *own)
     return (float(lower), float(upper)) if lower < upper else said

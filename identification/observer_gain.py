@@ -1,7 +1,7 @@
-"""Gains of the stationary Kalman filter for a load torque that fluctuates at random, in closed form.
+"""Gains of the stationary Kalman filter for a random load torque, in closed form.
 
-Of an angle that is measured it is the alpha-beta filter (Kalata 1984), of a velocity a scalar filter. Each has one
-number, the observer's bandwidth.
+If the angle is measured it is the alpha-beta filter (Kalata 1984), if the velocity is measured a scalar filter. Each
+has one parameter, the observer bandwidth.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from identification.run import Run
 from plant.effects.effect import Array
 
-_DIGITS = 9  # of a time step: what is below is the clock's rounding
+_DIGITS = 9  # significant digits of a time step: the others are rounding of the clock
 
 
 def observer_gain(bandwidth: float, dt: Array, *, random_walk: bool = False) -> Array:
@@ -23,7 +23,7 @@ def observer_gain(bandwidth: float, dt: Array, *, random_walk: bool = False) -> 
         random_walk: the acceleration is a random walk instead, as in the alpha-beta-gamma filter; then (3, T), with the
             gain on the acceleration [1/s^2].
     """
-    # each separately: a run in pieces has the gains of the run in one
+    # sample by sample: a run in pieces has the same gains as the whole run
     dt = np.round(dt, _DIGITS - int(np.floor(np.log10(np.median(dt)))))
     steps = dt[:1] if (dt == dt[0]).all() else dt
     gains = _third_order_gain(bandwidth, steps) if random_walk else _second_order_gain(bandwidth, steps)
@@ -54,7 +54,7 @@ def _third_order_gain(bandwidth: float, dt: Array) -> Array:
 
 
 def speed_gain(bandwidth: float, dt: Array, *, random_walk: bool = False) -> Array:
-    """(2, T) gains as in `observer_gain` where the velocity is measured: none on the angle, which is not measured.
+    """(2, T) gains as in `observer_gain` if the velocity is measured; the gain on the angle is zero.
 
     Args:
         bandwidth: square root of acceleration noise [rad/s^2] over measurement noise [rad/s]: [1/s].
@@ -64,11 +64,11 @@ def speed_gain(bandwidth: float, dt: Array, *, random_walk: bool = False) -> Arr
     nothing = np.zeros((1, dt.size))
     if random_walk:
         return np.vstack((nothing, observer_gain(bandwidth, dt)))
-    index = bandwidth * dt  # the scalar Kalman filter of a velocity that walks at random, in closed form
+    index = bandwidth * dt  # scalar Kalman filter of a random-walk velocity, in closed form
     return np.vstack((nothing, 0.5 * index * (np.sqrt(index**2 + 4.0) - index)))
 
 
 def correcting_gain(run: Run, bandwidth: float, dt: Array, *, random_walk: bool = False) -> Array:
-    """(2, T) or (3, T) gains on angle, velocity and acceleration for what a run measures."""
+    """(2, T) or (3, T) gains on angle, velocity and acceleration for the measured quantity of a run."""
     gain = speed_gain if run.response == "velocity" else observer_gain
     return gain(bandwidth, dt, random_walk=random_walk)

@@ -1,4 +1,4 @@
-"""Parameters that have a value of their own in each run, fitted together with those that all runs share."""
+"""Parameters that differ from run to run, fitted together with the parameters that all runs share."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from identification.sums_over_runs import informations, normal_equations, places
 from identification.time_stamp_jitter import with_its_clock
 from plant.effects.effect import Array
 
-_ROUNDS = 3  # between what runs have of their own and the observer that follows the rest
+_ROUNDS = 3  # alternations between the parameters of the runs and the observer
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerRun:
-    """An objective in which some rows of what moves, `own`, differ from run to run."""
+    """An objective in which the rows `own` of the free parameters differ from run to run."""
 
     objective: Objective
     own: tuple[int, ...]
 
     @classmethod
     def of(cls, fit: Fit, names: Sequence[str]) -> PerRun:
-        """The parameters of these names get a value of their own in each run of a fit."""
+        """The objective of a fit in which the parameters of these names differ from run to run."""
         objective = Objective.of(fit.log, fit.model, fixed=fit.fixed)
         rows = [objective.model.names[place] for place in objective.free]
         return cls(objective=objective, own=tuple(rows.index(name) for name in names))
 
     def places(self, run: int) -> NDArray[np.intp]:
-        """(F + 2,) places of a run's parameters and initial state in a point."""
+        """(F + 2,) indices of a run's parameters and initial state in a point."""
         return places(len(self.objective.free), run, len(self.objective.log.runs), self.own)
 
     def begun(self, fit: Fit) -> Array:
@@ -49,7 +49,7 @@ class PerRun:
         return point
 
     def predictions(self, point: Array, bandwidth: float) -> list[Prediction]:
-        """Of all runs, each with its own values."""
+        """Predictions of all runs, each with its parameters."""
         found = []
         for run, one in enumerate(self.objective.log.runs):
             values, part = self.objective.model.values, point[self.places(run)]
@@ -77,7 +77,7 @@ class PerRun:
         return np.array([point[self.places(run)][own] for run in range(len(self.objective.log.runs))])
 
     def covariance(self, point: Array, bandwidth: float) -> Array:
-        """Of a point, for innovations of the colour that they have; what the log does not tell is infinite."""
+        """Covariance of a point with coloured innovations; the variance of an undetermined parameter is infinite."""
         predictions = self.predictions(point, bandwidth)
         power = float(sum(p.innovations @ p.innovations for p in predictions))
         variance = power / max(self.objective.samples - point.size, 1)
@@ -88,9 +88,10 @@ class PerRun:
 
 
 def fit_apart(first: Fit, names: tuple[str, ...]) -> Fit:
-    """A fit of several runs in which these parameters have a value of their own in each, from a fit without that.
+    """A fit of several runs in which these parameters differ from run to run, from a fit with common parameters.
 
-    By turns: what each run has of its own at the fit's observer, and the observer and noise colour of the rest.
+    It alternates between all parameters at a given observer, and the observer, noise colour and shared parameters at
+    given differences between the runs.
     """
     found = first
     for _ in range(_ROUNDS):
@@ -111,7 +112,7 @@ def fit_apart(first: Fit, names: tuple[str, ...]) -> Fit:
 
 
 def _moved_apart(log: Log, names: Sequence[str], values: Array) -> Log:
-    """The log with values (R, M) of its runs put down as what each has beyond the mean of all."""
+    """The log in which `Run.own` includes the differences of values (R, M) from their mean over the runs."""
     beyond = values - values.mean(axis=0)
     runs = []
     for run, more in zip(log.runs, beyond, strict=True):
@@ -123,13 +124,13 @@ def _moved_apart(log: Log, names: Sequence[str], values: Array) -> Log:
 
 
 def _lines(found: Fit, first: Fit, problem: PerRun, std: Array) -> tuple[FittedParameter, ...]:
-    """One line a shared parameter, and one a run for each of the others.
+    """One line per shared parameter, and one line per run for each of the others.
 
     Args:
-        found: with all of what its runs have of their own.
-        first: with their payloads alone, and where it started.
-        problem: tells the places of the joint fit's parameters.
-        std: of these.
+        found: the fit with all differences between the runs.
+        first: the fit with common parameters, with payloads only; its starting values are reported.
+        problem: has the indices of the parameters in the joint fit.
+        std: standard errors of the joint fit.
     """
     rows = {found.model.names[place]: row for row, place in enumerate(found.free)}
     lines: list[FittedParameter] = []

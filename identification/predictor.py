@@ -1,14 +1,14 @@
-"""One-step prediction of a log by a servo model, with sensitivities: what every fit and every test rests on.
+"""One-step prediction of a log by a servo model, with sensitivities: the basis of every fit and every test.
 
-The predictor is an observer around the plant's own step,
+The predictor is an observer around the step of the plant model,
 
     e[k] = y[k] - reading(state[k]),      state[k] <- state[k] + gain * e[k],      state[k+1] = step(state[k]),
 
-with the gain of the stationary Kalman filter for a load torque that fluctuates at random. That gain has a closed form
-(Kalata 1984, alpha-beta filter) in one number, here the observer's bandwidth w in rad/s: the square root of the ratio
-of the acceleration noise to the measurement noise. At w = 0 nothing is corrected and e is the error of a free
-simulation (output error); above it nothing drifts, so that closed-loop logs and integrating plants are harmless.
-A log of the velocity alone is compared in velocity, and corrects the velocity alone.
+with the gain of the stationary Kalman filter for a random load torque. The gain has a closed form (Kalata 1984,
+alpha-beta filter) with one parameter, here the observer bandwidth w in rad/s: the square root of the ratio of the
+acceleration noise to the measurement noise. At w = 0 nothing is corrected, and e is the error of a free simulation
+(output error). At w > 0 the prediction does not drift, so that closed-loop logs and integrating plants are harmless. If
+only the velocity is measured, the error is that of the velocity, and only the velocity is corrected.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ from plant.servo import ServoModel
 from plant.simulation import beginning, whole_samples
 from plant.symbolic import one_at_a_time
 
-PIECE = 4096  # samples after which the same memory is used again
-_TO_THE_NEXT = -1  # samples by which a measured torque is delayed: it goes on from one to the next
+PIECE = 4096  # samples that are processed at once, to limit the memory
+_TO_THE_NEXT = -1  # delay of a measured torque in samples: it is interpolated from each sample to the next
 
 
 FADING = 0.15
-"""Rate at which slopes fade where they grow without bound [1/sample]."""
+"""Rate at which sensitivities that grow without bound are damped [1/sample]."""
 
 OUTGROWN = 1e3
-"""Growth of an error of the start beyond which all slopes point one way, and rounding blurs the rest of them."""
+"""Growth of an initial error beyond which all sensitivities are nearly parallel, and the rest is rounding."""
 
 HELD = 0.5 * FADING
-"""Bandwidth of an observer behind which a chaotic model stays with the log [rad/sample]."""
+"""Observer bandwidth at which a chaotic model follows the log [rad/sample]."""
 
 
 def sample_shown(model: ServoModel, response: Response) -> Any:
-    """What is measured: Function of (n,) state and (P,) parameters; of a velocity it is that of the load."""
+    """The measured quantity as a Function of (n,) state and (P,) parameters; a velocity is that of the load."""
     if response == "angle":
         return sample_reading(model)
     return _sample_velocity(len(model.states), len(model.names))
@@ -65,12 +65,12 @@ def _sample_velocity(states: int, parameters: int) -> Any:
 
 
 def measured_state(response: Response) -> int:
-    """Which of the initial angle and velocity is measured, so that the slope by it has no unit: 0 or 1."""
+    """Index of the measured one of initial angle (0) and velocity (1); the slope by it has no unit."""
     return 1 if response == "velocity" else 0
 
 
 def steps_in_a_sample(model: ServoModel, log: Log) -> int:
-    """Integration steps in one sample that follow a model, also where a position servo holds it as in a log."""
+    """Integration steps per sample that are needed for a model, also in the position loop of a log."""
     stiffness = max(float(np.max(np.abs(run.servo_gain))) for run in log.runs)
     damping = max(float(np.max(np.abs(run.servo_damping))) for run in log.runs)
     return integration_steps(model, log.sample_time, stiffness=stiffness, damping=damping)
@@ -82,7 +82,7 @@ class Prediction:
 
     Attributes:
         errors: (T,) measured less predicted angle, or velocity where that is measured; zero where masked.
-        innovations: (T,) what of the errors the colour of the reading's noise does not predict.
+        innovations: (T,) errors whitened with the colour of the measurement noise.
         jacobian: (T, F + 2) their derivative with respect to the free parameters and the initial angle and velocity.
         states: (n, T) predicted states, before the measurement is used.
         output: (T,) predicted angle, or velocity.
@@ -100,11 +100,11 @@ class Predictor:
     """A model's structure prepared to predict the runs of a log.
 
     Attributes:
-        model: the structure; its numbers are not used.
-        runs: what to predict.
-        free: (F,) places of the parameters to differentiate for.
+        model: the structure; its parameter values are not used.
+        runs: to be predicted.
+        free: (F,) indices of the parameters of the Jacobian.
         substeps: integration steps in one sample.
-        colour: autoregression of the reading's noise, see `identification.coloured_noise`.
+        colour: autoregression of the measurement noise, see `identification.coloured_noise`.
     """
 
     model: ServoModel
@@ -133,7 +133,7 @@ class Predictor:
     def pieces(
         self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
     ) -> Iterator[tuple[int, Prediction]]:
-        """The same piece by piece with the place of its run: a pass over a long log that need not be kept."""
+        """`predict` piece by piece, with the index of the run: a pass over a long log with little memory."""
         free = self.free if sensitivities else None
         positioned = any(run.positioned for run in self.runs)
         follow = _prediction(Structure(self.model), free, self.substeps, positioned, self.runs[0].response)
@@ -165,7 +165,7 @@ class Predictor:
                 )
 
     def _beginning(self, run: Run, values: Array, start: Array, sensitivities: bool) -> list[Array]:
-        """State (n,) at the first sample of a run, and its slopes (F + 2, n), of which only the last are not zero."""
+        """State (n,) at the first sample of a run, and its sensitivities (F + 2, n); only the last two are not zero."""
         (first,), _ = run_inputs(run, self.model, values, 0.0, 0.0, slice(0, 1))
         slopes = np.zeros((len(self.free) + 2 if sensitivities else 0, len(self.model.states)))
         if sensitivities:
@@ -196,9 +196,10 @@ def _joined(pieces: Sequence[Prediction]) -> Prediction:
 def run_inputs(
     run: Run, model: ServoModel, values: Array, bandwidth: float, width: float, part: slice
 ) -> tuple[Array, Array]:
-    """(k, 11) inputs of the steps of a part of a run, with measurement and gains, and its own parameters (P,) for them.
+    """(k, 11) inputs of the steps of a part of a run, with measurement and gains, and the run's parameters (P,).
 
-    Of a delay only the part inside a sample is left in the parameters; whole samples are in the inputs.
+    They are (k, 12) with a random-walk disturbance. The whole samples of a dead time are in the inputs; the parameters
+    only have the rest, less than a sample.
     """
     values, whole = own_values(run, model, values), 0
     if "input_delay.time" in model.names:
@@ -211,7 +212,7 @@ def run_inputs(
 
 @lru_cache(maxsize=64)
 def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: float, random_walk: bool) -> Array:
-    """The inputs of a part of a run behind a delay of whole samples; a fit uses the same ones in each pass."""
+    """The inputs of a part of a run with a dead time of whole samples; cached, as each pass of a fit uses them."""
     part = slice(start, stop)
     dt = np.diff(run.time[start : stop + 1])
     if stop == len(run):
@@ -239,14 +240,14 @@ def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: 
 
 
 def _delayed(values: Array, samples: int, part: slice) -> Array:
-    """A part of values (T,) as they were some samples before, or will be after; at the ends the first and the last."""
+    """A part of values (T,) delayed by a number of samples (negative: advanced); the end values are repeated."""
     return np.asarray(values[np.clip(np.arange(part.start, part.stop) - samples, 0, values.size - 1)])
 
 
 def moves_with(model: ServoModel) -> Array:
-    """(n, 2) which states an observer moves with its correction of the angle, and of the velocity.
+    """(n, 2) states that an observer corrects together with the angle, and together with the velocity.
 
-    (n, 3) with a random-walk disturbance: and of that.
+    (n, 3) with a random-walk disturbance, whose states are in the third column.
     """
     moved = (State.ANGLE, State.VELOCITY, State.RANDOM_WALK)[: 3 if model.has_random_walk else 2]
     return np.array([[kind is one for one in moved] for kind in model.kinds], dtype=float)
@@ -256,9 +257,9 @@ def moves_with(model: ServoModel) -> Array:
 def _prediction(
     structure: Structure, free: tuple[int, ...] | None, substeps: int, positioned: bool, response: Response
 ) -> Any:
-    """(state, slopes), rows of `run_inputs`, parameters -> innovation, its slopes, predicted state, at each sample.
+    """(state, slopes), rows of `run_inputs`, parameters -> error, its slopes, predicted state, at each sample.
 
-    Without `free` there are no slopes, and where no run is `positioned` there is no servo gain.
+    Without `free` there are no slopes; if no run is `positioned` there is no servo gain.
     """
     model = structure.model
     n, columns = len(model.states), 0 if free is None else len(free) + 2
@@ -286,10 +287,11 @@ def _prediction(
 
 
 def forgetful(model: ServoModel, slopes: Any) -> Any:
-    """Slopes (n, columns) in which those of a chaotic drivetrain fade.
+    """Sensitivities (n, columns) in which those of a chaotic drivetrain are damped.
 
-    Behind a few impacts in quick succession the exact slopes are astronomical and point nowhere. What a parameter does
-    to the motor's way ahead of the load is followed from one reversal to the next, and no further.
+    After a few impacts in quick succession the exact sensitivities are extremely large and meaningless. So the
+    sensitivity of the motor's motion relative to the load decays at the rate `FADING`: it is kept about from one
+    reversal to the next.
     """
     motor = model.drivetrain
     if motor is None or not motor.chaotic:

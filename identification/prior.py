@@ -1,8 +1,8 @@
-"""What is known before a log is seen, as a Gaussian: what a person says, and that a curve without a name is smooth.
+"""Gaussian prior of the parameters: the knowledge of the user, and the smoothness of non-parametric curves.
 
-Such a curve is about as high as the torque. Where a log is silent, between the few torques that were commanded or at
-speeds that it passes in no time, nothing else holds it, and least squares would send it anywhere. What the log does say
-outweighs this (Wahba 1990, ch. 1).
+The heights of such a curve have the scale of the torque. Where the log has no data, between the few commanded torques
+or at speeds that the load passes quickly, only the prior determines the curve; least squares alone would diverge there.
+Where the log has data, they outweigh the prior (Wahba 1990, ch. 1).
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from plant.effects.effect import Array
 from plant.effects.nonparametric_curve import Curve
 from plant.servo import ServoModel
 
-_BENT = 0.1  # variance of a knot beside those about it, over that of them all
+_BENT = 0.1  # variance of a knot independent of its neighbours, over the variance of all knots
 
 
 def natural_scales(log: Log) -> dict[str, float]:
-    """By the kind of quantity (`ServoModel.quantities`), the size that one of an effect can have on a log."""
+    """Typical size of an effect's parameter on a log, by its kind of quantity (`ServoModel.quantities`)."""
     torque = np.concatenate([run.drive for run in log.runs])
     level = float(np.sqrt(np.nanmean(torque**2)))
     speeds = np.concatenate([np.gradient(run.output, run.time) for run in log.runs])
@@ -32,7 +32,7 @@ def natural_scales(log: Log) -> dict[str, float]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prior:
-    """A Gaussian: its mean (F,) and its inverse covariance (F, F), zero where nothing is known."""
+    """A Gaussian: its mean (F,) and its inverse covariance (F, F), zero without prior knowledge."""
 
     mean: Array
     precision: Array
@@ -47,7 +47,7 @@ class Prior:
 
 
 def prior(log: Log, model: ServoModel, free: tuple[int, ...], known: PriorKnowledge) -> Prior | None:
-    """Of the free parameters before the log is seen; None where nothing is known of them."""
+    """The prior of the free parameters; None without any prior knowledge of them."""
     rows = {model.names[place]: row for row, place in enumerate(free)}
     mean, precision = np.zeros(len(free)), _smoothness(log, model, free, rows)
     for name in known.prior.keys() & rows.keys():
@@ -57,7 +57,7 @@ def prior(log: Log, model: ServoModel, free: tuple[int, ...], known: PriorKnowle
 
 
 def _smoothness(log: Log, model: ServoModel, free: tuple[int, ...], rows: dict[str, int]) -> Array:
-    """(F, F) inverse covariance of the heights of curves about zero."""
+    """(F, F) inverse covariance of the heights of non-parametric curves, whose prior mean is zero."""
     curves = [effect for effect in model.effects if isinstance(effect, Curve)]
     known, scales = np.zeros((len(free), len(free))), natural_scales(log) if curves else {}
     for curve in curves:

@@ -1,4 +1,4 @@
-"""What a person knows of a model's parameters before a log is seen: fixed values, bounds, and Gaussian priors."""
+"""The user's prior knowledge of a model's parameters: fixed values, bounds, and Gaussian priors."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Pairs: TypeAlias = "Mapping[str, tuple[float, float]]"
 
 @dataclass(frozen=True, kw_only=True)
 class PriorKnowledge:
-    """Numbers by a parameter's name, each in its parameter's unit; a model need not have all the parameters.
+    """Numbers by parameter name, in the unit of the parameter; a model need not have all the parameters.
 
     Attributes:
-        fixed: parameters that are not fitted, with their value; None keeps the model's.
-        bounds: least and greatest value, within those that the parameter has by nature.
+        fixed: parameters that are not fitted, with their value; None keeps the value of the model.
+        bounds: least and greatest value, within the physical bounds of the parameter.
         prior: mean and standard deviation of a Gaussian.
     """
 
@@ -36,10 +36,10 @@ class PriorKnowledge:
     def of(
         cls, fixed: Fixed, bounds: Pairs | None, prior: Pairs | None, parameters: Iterable[Parameter]
     ) -> PriorKnowledge:
-        """What a person says of some of these parameters.
+        """The user's knowledge of some of these parameters, checked.
 
         Raises:
-            BadParameter: a name that no parameter has, or numbers that it cannot have.
+            BadParameter: no parameter has the name, or the parameter cannot have the numbers.
         """
         specs = {spec.name: spec for spec in parameters}
         values = (
@@ -59,16 +59,16 @@ class PriorKnowledge:
         )
 
     def held(self, model: ServoModel) -> ServoModel:
-        """A model with the fixed values in it."""
+        """The model with the fixed values."""
         return _with(model, {name: value for name, value in self.fixed.items() if value is not None})
 
     def keeping(self, kept: Iterable[str], names: Collection[str]) -> PriorKnowledge:
-        """The same for fits of other models near one that has these names, and keeps some of them as they are."""
+        """The knowledge for fits of models near one with parameters `names`; the parameters `kept` keep their value."""
         stated = {name: value for name, value in self.fixed.items() if value is not None or name in names}
         return replace(self, fixed={**dict.fromkeys(kept), **stated})
 
     def begun(self, model: ServoModel) -> ServoModel:
-        """A model with the fixed values, from which a fit may start: at the means of the priors, within the bounds."""
+        """The model from which a fit starts: with the fixed values, at the means of the priors, within the bounds."""
         model = _with(self.held(model), {name: mean for name, (mean, _) in self.prior.items()})
         own = dict(zip(model.names, model.values, strict=True))
         inside = {name: np.clip(own[name], *pair) for name, pair in self.bounds.items() if name in own}

@@ -1,9 +1,9 @@
 """A least-squares problem on a log: the path along which its objective is minimised.
 
-The noise ratio, as the bandwidth of the observer in `identification.predictor`, is fitted beside the physics. The path
-goes from a large bandwidth, where every start converges, to a small one, where the parameters are sharpest, and ends
-with a plain free simulation (bandwidth 0); the best likelihood wins. Dry friction is smoothed on the way down and exact
-at the end.
+The noise ratio, as the observer bandwidth of `identification.predictor`, is fitted together with the parameters. The
+path goes from a large bandwidth, where every start converges, to a small one, where the parameters are most accurate,
+and ends with a free simulation (bandwidth 0); the best likelihood is selected. Dry friction is smoothed along the path
+and exact at the end.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from identification.standard_errors import divergent_fit, fit_with_errors
 from plant.effects.effect import Array
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
-_COLOURINGS = 3  # passes from the errors' colour to the fit and back
-_PARTS, _PART = 10, 5000  # of a log, and samples of each, from which a fit of the whole can begin
-_PATIENT = 200  # iterations of what is to be the end
-_POLISH = 1e-8  # rise of the log-likelihood that is nothing
-_HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit makes good
+_COLOURINGS = 3  # iterations between the colour of the errors and the fit
+_PARTS, _PART = 10, 5000  # parts of a long log, and samples of each, for the starting values
+_PATIENT = 200  # most iterations of the final minimisation
+_POLISH = 1e-8  # gain in log-likelihood below which the refinement stops
+_HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit can recover
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Trial:
-    """A minimum at one bandwidth and its score."""
+    """A minimum at one bandwidth, and its score (log-likelihood less a penalty)."""
 
     minimum: Minimum
     score: float
@@ -75,8 +75,8 @@ class Problem(Objective):
         """Fit from scratch: starts from the data, bandwidth from large to zero, friction from smooth to exact.
 
         Args:
-            starts: parameter vectors (P,) to begin from besides the model's own and those from the data.
-            free: fit the output error (open-loop simulation), also where an observer is likelier.
+            starts: parameter vectors (P,) to start from, in addition to those of the model and of the data.
+            free: fit the output error (open-loop simulation), even if an observer is more likely.
             progress: called with a line of text at each stage.
         """
         widest = 0.1 / self.log.runs[0].sample_time
@@ -104,7 +104,7 @@ class Problem(Objective):
         return self._held(fit_with_errors(self, *self._refined(trials), sum(m.evaluations for _, m in visited)))
 
     def _plausible(self, minimum: Minimum) -> bool:
-        """Whether neither motion nor slopes run off: a load that could fall needs an observer that holds it."""
+        """Whether motion and sensitivities stay bounded; without an observer those of an unstable load do not."""
         if not np.isfinite(minimum.equations.cost):
             return False
         runs = self.log.runs
@@ -113,20 +113,20 @@ class Problem(Objective):
         return self.model.chaotic or bool((grown <= most).all())
 
     def widths(self) -> list[float]:
-        """Smoothing of dry friction from wide to exact [rad/s], one for each stage of the bandwidth."""
+        """Widths of the smoothing of dry friction, from wide to exact [rad/s], one per stage of the bandwidth."""
         speeds = [np.abs(np.diff(run.output[run.valid]) / np.diff(run.time[run.valid])) for run in self.log.runs]
         typical = float(np.quantile(np.concatenate(speeds), 0.9)) or 1.0
         return [0.1 * typical, 0.02 * typical, 0.004 * typical, 0.0]
 
     def _nearest(self, points: Sequence[Array], bandwidth: float, width: float) -> Array:
-        """That of some points (F + 2R,) at which the innovations are smallest."""
+        """The point (F + 2R,) with the smallest cost."""
         return min(points, key=lambda point: self.cost(point, bandwidth, width))
 
     def begun(self, start: Fit) -> Minimum:
-        """Where a descent from another fit of a simpler model comes by at first: at its bandwidth.
+        """The first minimum of `descend` from the fit of a simpler model: at the bandwidth of that fit.
 
         Args:
-            start: parameters of the same name and initial states are taken over; new ones start at the model's values.
+            start: gives the initial states and the parameters of the same name; others start at the model's values.
         """
         point, bandwidth = self._taken_over(start), self._highest(start)
         if self.model.slides and not start.model.slides:
@@ -135,15 +135,15 @@ class Problem(Objective):
         return self.minimise(point, bandwidth, 0.0, iterations=6)
 
     def _highest(self, start: Fit) -> float:
-        """Bandwidth at which a descent begins: without an observer the likelihood of a chaotic model is multimodal."""
+        """First bandwidth of `descend`; at least `HELD` if chaotic, as its likelihood is multimodal at a lower one."""
         return max(start.bandwidth, HELD / self.log.sample_time) if self.model.chaotic else start.bandwidth
 
     def descend(self, start: Fit, begun: Minimum | None = None) -> Fit:
-        """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
+        """Fit that starts from the fit of a simpler model: at its bandwidth first, then lower while the score rises.
 
         Args:
             start: as in `begun`.
-            begun: what that came by, if it is known.
+            begun: the result of `begun`, if it is known.
         """
         bandwidth = highest = self._highest(start)
         trials = {bandwidth: self._judged(self.begun(start) if begun is None else begun, bandwidth)}
@@ -170,9 +170,9 @@ class Problem(Objective):
         return self._held((self.log.colour and self.recoloured(found)) or found)
 
     def recoloured(self, fit: Fit, least: float = -np.inf) -> Fit | None:
-        """The fit with the colour that the reading's noise has by its own errors, and that of the next, and so on.
+        """The fit with coloured measurement noise: colour of its errors and parameters are estimated by turns.
 
-        None where its log-likelihood stays below `least`, or its motion grows without bound.
+        None if its log-likelihood is below `least`, or if its motion grows without bound.
         """
         problem, point, evaluations = self, self.pack(fit.model.values, fit.initial), fit.evaluations
         for _ in range(_COLOURINGS):
@@ -185,7 +185,7 @@ class Problem(Objective):
             problem = replace(self, log=log, predictor=predictor)
             best = problem.minimise(point, fit.bandwidth, 0.0, 10)
             point, evaluations = best.point, evaluations + best.evaluations
-            if best.evaluations == 1:  # nothing has moved, and the errors have the same colour again
+            if best.evaluations == 1:  # no change of the point, and so none of the colour
                 break
         if not self._plausible(best) or log_likelihood(best.equations.cost, self.samples) < least:
             return None
@@ -193,7 +193,7 @@ class Problem(Objective):
         return fit_with_errors(problem, fit.bandwidth, ended, evaluations - best.evaluations)
 
     def polished(self, fit: Fit) -> Fit:
-        """The fit brought to the very top of its likelihood, where it does not matter how it came there."""
+        """The fit refined to the exact maximum of its likelihood, so that it does not depend on the path."""
         point = self.pack(fit.model.values, fit.initial)
         best = replace(self.minimise(point, fit.bandwidth, 0.0, tolerance=_POLISH), converged=fit.converged)
         return replace(
@@ -201,7 +201,7 @@ class Problem(Objective):
         )
 
     def _held(self, fit: Fit) -> Fit:
-        """The fit with its likelihood behind an observer that holds it, where it is chaotic without one."""
+        """The fit of a chaotic model with its log-likelihood at the bandwidth `HELD`; other fits are unchanged."""
         if not self.model.chaotic:
             return fit
         problem = replace(self, log=fit.log, predictor=replace(self.predictor, colour=fit.log.colour))
@@ -210,7 +210,7 @@ class Problem(Objective):
         return replace(fit, held_log_likelihood=log_likelihood(cost, self.samples))
 
     def _risen(self, trials: dict[float, _Trial], bandwidth: float) -> None:
-        """Raise the bandwidth as far as it pays: what a model says less than its start did, an observer takes over."""
+        """Raise the bandwidth while the score rises: the observer replaces what the model explains less than before."""
         best, fastest = trials[0.0], 1.0 / self.log.runs[0].sample_time
         while bandwidth < fastest:
             trial = trials[bandwidth] = self._trial(best.minimum.point, bandwidth, iterations=5)
@@ -219,7 +219,7 @@ class Problem(Objective):
             best, bandwidth = trial, 4.0 * bandwidth
 
     def glance(self, start: Fit, bandwidth: float, iterations: int = 4) -> float:
-        """Cost after a few iterations from another fit, at a bandwidth, or where they begin: is it worth a descent?"""
+        """Cost at a bandwidth after a few iterations from another fit, or none: a quick test before `descend`."""
         if not iterations:
             return self.cost(self._taken_over(start), bandwidth, 0.0)
         return self.minimise(self._taken_over(start), bandwidth, 0.0, iterations).equations.cost
@@ -234,7 +234,7 @@ class Problem(Objective):
         return self.pack(values, start.initial)
 
     def output_error(self, start: Fit) -> Fit | None:
-        """The fit of a free simulation near another fit of the same model, None where there is no hope for one."""
+        """The fit of a free simulation that starts from another fit of the same model, None if it is hopeless."""
         point = self.pack(start.model.values, start.initial)
         here = Minimum(
             point=point,
@@ -247,14 +247,14 @@ class Problem(Objective):
         return fit_with_errors(self, 0.0, self.minimise(point, 0.0, 0.0, iterations=10), 0)
 
     def is_hopeless(self, minimum: Minimum, bandwidth: float) -> bool:
-        """Whether the point of a minimum is so bad at another bandwidth that a fit there is not worth the time."""
+        """Whether the cost of a minimum's point at another bandwidth is too high for any fit there."""
         if not self._plausible(minimum):
-            return False  # nowhere is it worse
+            return False  # it cannot be worse at another bandwidth
         loss = 0.5 * np.log(self.cost(minimum.point, bandwidth, 0.0) / max(minimum.equations.cost, 1e-300))
         return bool(loss > _HOPELESS)
 
     def _trial(self, point: Array, bandwidth: float, iterations: int) -> _Trial:
-        """A minimum in the exact form and its score: the log-likelihood, less the charge for a bandwidth above 0."""
+        """A minimum with exact friction, and its score: the log-likelihood less the penalty for a bandwidth above 0."""
         return self._judged(self.minimise(point, bandwidth, 0.0, iterations=iterations), bandwidth)
 
     def _judged(self, minimum: Minimum, bandwidth: float) -> _Trial:
@@ -263,9 +263,9 @@ class Problem(Objective):
         return _Trial(minimum=minimum, score=score)
 
     def _refined(self, trials: dict[float, _Trial]) -> tuple[float, Minimum]:
-        """The best bandwidth: bracket the best trial by its neighbours, then twice to the top of a parabola.
+        """The best bandwidth: bracket the best trial by its neighbours, then go twice to the vertex of a parabola.
 
-        A bandwidth beside the best one costs likelihood, which a rival with a better one would be credited with.
+        A bandwidth off the optimum lowers the likelihood, and would favour a competing model with a better bandwidth.
         """
 
         def attempt(bandwidth: float) -> None:
@@ -292,14 +292,14 @@ class Problem(Objective):
         return top, self._ended(found, top)
 
     def _ended(self, minimum: Minimum, bandwidth: float) -> Minimum:
-        """A minimum in the exact form that was cut short, brought to its end."""
+        """The minimum with exact friction, iterated until it converges."""
         if minimum.converged:
             return minimum
         return self.minimise(minimum.point, bandwidth, 0.0, iterations=_PATIENT, at_start=minimum.equations)
 
 
 def _parts(log: Log) -> Log:
-    """As much of a long log as is needed to begin from: parts of each run, spread evenly over it."""
+    """A part of a long log that is enough for starting values: pieces of each run, spread evenly over it."""
     if sum(map(len, log.runs)) <= _PARTS * _PART:
         return log
     parts = [

@@ -1,4 +1,4 @@
-"""One experiment as it was recorded, before and while it is being checked."""
+"""One experiment as it was recorded, before and during its checks."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Response: TypeAlias = Literal["angle", "velocity"]
 
 
 def nothing() -> Array:
-    """A channel that most logs do not have: no samples, which become zeros."""
+    """Default of a channel that most logs do not have: empty, later replaced by zeros."""
     return np.zeros(0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What a check found in one recording.
+    """The finding of a check in one recording.
 
-    `kind` names the check, so that the same finding in a hundred runs can be told once; `repaired` is True
+    `kind` names the check, so that the same finding in a hundred runs can be reported once; `repaired` is True
     when samples were changed, masked or left out; `text` is one sentence that says where. `unusable` is True when no
     model can be fitted to the recording as it is.
     """
@@ -34,19 +34,19 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """One experiment in SI units and the contract's sign conventions, not yet trusted.
+    """One experiment in SI units and the sign conventions of the log contract, not yet checked.
 
-    number: place of the experiment among those of its file; its pieces share it.
+    number: index of the experiment in its file; its pieces have the same number.
     time, command, output, servo_gain: (T,) [s], [N m] or [N], [rad] or [m], [N m/rad] or [N/m].
-    servo_damping: (T,) of a position servo's law [N m s/rad] or [N s/m]; by default there is none.
+    servo_damping: (T,) of a position servo's control law [N m s/rad] or [N s/m]; zero by default.
     valid: (T,) False where the output is masked out of the fit.
     response: what `output` measures, an "angle" (or position), or a "velocity" [rad/s] or [m/s].
     rows: (T,) data row of each sample, counted from 1; `first_line` is the line of row 1 in a text file.
-    names: what the file calls "command" and "output", for messages.
-    stated: of "time" and "command" those whose unit is given: by the file, its headings, or the user.
-    others: further channels by their contract name, (T,) each.
-    run: what the run column calls the experiment; its number where there is no such column.
-    start: what the clock shows at the first sample of the file [s].
+    names: names of "command" and "output" in the file, for messages.
+    stated: "time" and "command", if the file, its headings, or the user gives their unit.
+    others: further channels by their name in the log contract, (T,) each.
+    run: label of the experiment in the run column; its number without such a column.
+    start: clock time of the first sample of the file [s].
     """
 
     label: str
@@ -69,7 +69,7 @@ class Recording:
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        """Name an experiment without a label by its number; a damping of nothing has as many samples as there are."""
+        """Name an experiment without a label by its number; expand a missing damping to zeros."""
         object.__setattr__(self, "run", self.run or str(self.number))
         if not np.any(self.servo_damping):
             object.__setattr__(self, "servo_damping", np.zeros(len(self.time)))
@@ -80,11 +80,11 @@ class Recording:
 
     @property
     def drive(self) -> Array:
-        """(T,) torque of the drive's law along the measured motion, without its limit."""
+        """(T,) torque of the drive's control law along the measured motion, without its limit."""
         return drive_torque(self.command, self.servo_gain, self.servo_damping, self.output, self.time)
 
     def name(self, channel: str) -> str:
-        """The name under which the user knows "command", "output" or another channel."""
+        """The user's name of "command", "output" or another channel."""
         rotary = self.axis == "rotary"
         usual = {"command": "torque" if rotary else "force", "output": "angle" if rotary else "position"}
         if self.response == "velocity":
@@ -100,7 +100,7 @@ class Recording:
         return f"{self.label}, row {row}{line}" + (f", t = {time:.6g} s{since}" if np.isfinite(time) else "")
 
     def take(self, index: NDArray[np.bool_] | NDArray[np.int64] | slice, label: str | None = None) -> Recording:
-        """The samples that `index` selects, in every channel."""
+        """The samples selected by `index`, in every channel."""
         return replace(
             self,
             label=label or self.label,

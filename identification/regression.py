@@ -1,10 +1,10 @@
-"""Where a fit starts: J, alpha and K by linear regression of the measured motion on the torque, or the other way round.
+"""Starting values of a fit: J, alpha and K by linear regression of the measured motion on the torque, or vice versa.
 
-All signals pass the same low pass, and there the model is linear: J a + alpha cos x + K v = h(tau). Noise of the
-reading weakens what is regressed on; so the acceleration is regressed on the torque, which is known, and the torque on
-the motion, which is right where the torque itself was measured in a tight loop. Friction, an offset and a delay bend
-both, so each is done without and with columns that take them up. No cutoff suits every log: several are tried, from the
-sample time to the length of the log. Which start is best the fit decides, by its own likelihood.
+All signals pass the same low pass. The model is then linear: J a + alpha cos x + K v = h(tau). Noise in a regressor
+biases its coefficient towards zero. So the acceleration is regressed on the torque, if the torque is known exactly, and
+the torque on the motion, which is right if the torque was measured in a tight loop. Friction, an offset and a delay
+bias both; so each regression is done without and with regressors for them. No cutoff suits every log: several are
+tried, from the sample time to the length of the log. The fit selects the best start by its likelihood.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from plant.effects.effect import Array
 from plant.effects.parameter import Axis
 from plant.servo import ServoModel
 
-_WIDEST, _APART = 0.2, 3.0  # highest cutoff, of the sampling rate, and from one to the next
+_WIDEST, _APART = 0.2, 3.0  # highest cutoff, of the sampling rate; ratio of successive cutoffs
 _FEWEST = 30  # samples that the low pass needs
 _BESIDE = (3, 4, 5)  # columns that take up what the base model lacks: friction, an offset, gravity of another zero
 _TORQUE, _SLOPE = 6, 7  # columns of the torque and of its slope
 _ZONES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # half widths of a dead zone, of the largest torque
-_ALIKE = 0.02  # share of the torque in which two starts may differ that are one
-_BETTER = 1e-6  # share of the squares from which a wider dead zone is one
+_ALIKE = 0.02  # of the torque: two starts that differ by less are the same
+_BETTER = 1e-6  # of the sum of squares: least improvement for which a wider dead zone is accepted
 
 
 def starting_values(log: Log, model: ServoModel) -> list[Array]:
-    """Parameter vectors (P,) to begin from, effects as the model has them; none where nothing moves.
+    """Parameter vectors (P,) to start from, with the effects of the model; none if nothing moves.
 
-    A dead zone is not linear and a fit that starts from none can stay there; so the regression is done for several half
-    widths and the best is kept (variable projection).
+    A dead zone is not linear, and a fit that starts without one can stay there. So the regression is done for several
+    half widths, and the best is used (variable projection).
     """
     runs = tuple(run for run in log.runs if len(run) >= _FEWEST)
     if not runs:
@@ -70,7 +70,7 @@ def regressed_torque_error(log: Log, cutoff: float) -> float:
 
 
 def _cutoffs(log: Log) -> list[float]:
-    """From high to low [Hz]."""
+    """Cutoffs of the low pass, from high to low [Hz]."""
     found, lowest = [_WIDEST / log.sample_time], lowest_cutoff(log)
     while found[-1] / _APART > lowest:
         found.append(found[-1] / _APART)
@@ -78,7 +78,7 @@ def _cutoffs(log: Log) -> list[float]:
 
 
 def _alike(log: Log, one: Array, other: Array) -> bool:
-    """Whether two starts differ by a small share of the torque over a log's motion."""
+    """Whether the torques of two starts over a log's motion differ by a small share only."""
     speed = np.concatenate([np.gradient(run.output, run.time) for run in log.runs])
     torque = np.concatenate([run.drive for run in log.runs])
     level = float(np.sqrt(np.mean(torque**2)))
@@ -88,7 +88,7 @@ def _alike(log: Log, one: Array, other: Array) -> bool:
 
 
 def _solved(products: Array) -> Iterator[tuple[str, float, Array]]:
-    """Each way of doing it, the share of squares that it leaves, and J, alpha, K (3,), from the products of columns."""
+    """Name of each regression, its relative residual sum of squares, and J, alpha, K (3,), from products of columns."""
     for way, others in (("alone", ()), ("beside", (*_BESIDE, _SLOPE))):
         left, (torque, gravity, viscous, *_) = _regressed(products, 0, (_TORQUE, 1, 2, *others), signs=(1, -1, -1))
         if torque > 0.0:
@@ -101,7 +101,10 @@ def _solved(products: Array) -> Iterator[tuple[str, float, Array]]:
 def _regressed(
     products: Array, target: int, columns: tuple[int, ...], signs: tuple[int, int, int]
 ) -> tuple[float, Array]:
-    """Share of the squares of a column that others leave, and their coefficients, the first and third not negative."""
+    """Relative residual sum of squares of a column, and the coefficients of the regressors.
+
+    The first three regressors are multiplied by `signs`; the first and third coefficients are not negative.
+    """
     sign = np.ones(len(columns))
     sign[:3] = signs
     information = products[np.ix_(columns, columns)] * np.outer(sign, sign)
@@ -112,7 +115,7 @@ def _regressed(
 
 
 def _at_cutoff(log: Log, model: ServoModel, cutoff: float) -> list[Array]:
-    """The starts (P,) at one cutoff, for each way the best dead zone."""
+    """The starts (P,) at one cutoff, for each regression with the best dead zone."""
     best: dict[str, tuple[float, Array]] = {}
     motions = [filtered_motion(run, cutoff, model) for run in log.runs]
     moved = [_moved(model.axis, motion, cutoff) for motion in motions]
@@ -139,10 +142,10 @@ def _half_widths(log: Log, model: ServoModel) -> list[float]:
 
 
 def _moved(axis: Axis, motion: FilteredMotion, cutoff: float) -> Array:
-    """(T, 6) acceleration, cos x, velocity, its sign, one and sin x behind the low pass."""
+    """(T, 6) low-passed acceleration, cos x, velocity, sign of the velocity, ones and sin x."""
     dt = float(motion.time[1] - motion.time[0])
     acceleration = np.zeros_like(motion.angle)
-    acceleration[1:-1] = np.diff(motion.angle, 2) / dt**2  # the mean over the same two samples as that of the torque
+    acceleration[1:-1] = np.diff(motion.angle, 2) / dt**2  # mean over the same two samples as the torque
     sign = np.where(motion.still, 0.0, np.sign(motion.velocity))
     turns = axis == "rotary"
     gravity = np.cos(motion.angle) if turns else np.zeros_like(motion.angle)
@@ -153,7 +156,7 @@ def _moved(axis: Axis, motion: FilteredMotion, cutoff: float) -> Array:
 
 
 def _driven(run: Run, model: ServoModel | None, motion: FilteredMotion, moved: Array, cutoff: float) -> Array:
-    """(T, 2) torque, without what a payload of this run takes of it, and its slope behind the low pass."""
+    """(T, 2) low-passed torque less that of the run's payload, and the derivative of the low-passed torque."""
     payload = np.array([run.own.get("inertia", 0.0), run.own.get("gravity", 0.0)])
     dt = float(motion.time[1] - motion.time[0])
     torque = smooth(mean_torque(run, model, motion.velocity), cutoff, dt)
@@ -161,7 +164,7 @@ def _driven(run: Run, model: ServoModel | None, motion: FilteredMotion, moved: A
 
 
 def _inner(motion: FilteredMotion, cutoff: float) -> slice:
-    """A run without its ends, which the low pass does not know."""
+    """A run without its ends, where the low pass is not valid."""
     dt = float(motion.time[1] - motion.time[0])
     edge = max(1, min(motion.time.size // 10, round(1.0 / (cutoff * dt))))
     return slice(edge, -edge)

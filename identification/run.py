@@ -1,4 +1,4 @@
-"""One experiment, checked: what the fit, the prediction and the diagnosis work on."""
+"""One checked experiment: the input of fit, prediction and diagnosis."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ _OPTIONAL = ("velocity", "reference", "setpoint")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """One experiment with an initial state of its own.
+    """One experiment with its initial state.
 
     The drive's torque is `command - servo_gain * output - servo_damping * velocity` of the true motion, within
     `command_limit`, so a torque log has `servo_gain` 0 and a position servo has `command = servo_gain * setpoint`.
 
-    label: where it comes from, "log.csv run 3".
-    number: place of the experiment in the log, from 0 on; pieces of one experiment share it.
-    run: what the run column calls the experiment; its number where there is no such column.
-    time: (T,) strictly increasing [s], from `zero` on the recording's clock on.
+    label: its source, such as "log.csv run 3".
+    number: index of the experiment in the log, from 0 on; pieces of one experiment have the same number.
+    run: label of the experiment in the run column; its number without such a column.
+    time: (T,) strictly increasing [s], counted from `zero` on the recording's clock.
     command: (T,) follower torque [N m] or force [N].
-    output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values. Where only the velocity was
-        logged it is the integral of that, from zero on: good for a start, and never fitted.
+    output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values. If only the velocity was
+        logged, it is the integral of the velocity from zero on, used for starting values and never fitted.
     valid: (T,) False where the measurement is masked out of the fit.
-    response: what was measured and is fitted, the "angle" or the "velocity".
+    response: the measured quantity that is fitted, the "angle" or the "velocity".
     servo_gain: (T,) torque per output error [N m/rad] or [N/m].
-    servo_damping: (T,) torque per speed of the load [N m s/rad] or [N s/m]; by default there is none.
+    servo_damping: (T,) torque per speed of the load [N m s/rad] or [N s/m]; zero by default.
     command_limit: largest magnitude of the drive's torque [N m] or force [N].
     velocity, reference, setpoint: (T,) of the load, when logged.
-    own: by how much parameters of this run differ from those of the model, by their name: a payload's inertia.
-    zero: what the recording's clock shows at time zero [s]; it may have been running since 1970.
-    start: when the file's first sample was taken, on the run's own time [s].
+    own: differences of this run's parameters from those of the model, by name: for example a payload's inertia.
+    zero: recording's clock at time zero [s]; the clock may count from 1970.
+    start: time of the file's first sample, in the time of the run [s].
     drive_angles, torques: (T, 2) motor shaft angles [rad] and pinion torques [N m], when logged.
 
     Raises `MalformedLog` when shapes differ, a number is not finite, or time does not increase.
@@ -64,7 +64,7 @@ class Run:
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        """Bring the channels to float arrays and refuse what does not fit together."""
+        """Convert the channels to float arrays and check that they fit together."""
         object.__setattr__(self, "run", self.run or str(self.number))
         if not np.any(self.servo_damping):
             object.__setattr__(self, "servo_damping", np.zeros(len(self.time)))
@@ -97,7 +97,7 @@ class Run:
 
     @property
     def duration(self) -> float:
-        """From the first to the last sample [s]."""
+        """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
 
     @cached_property
@@ -107,12 +107,12 @@ class Run:
 
     @cached_property
     def positioned(self) -> bool:
-        """Whether the drive closes a position loop at some time: the log gives its goal and not its torque."""
+        """Whether the drive closes a position loop at some time: the command has its set-point, not its torque."""
         return bool(np.any(self.servo_gain))
 
     @property
     def measured(self) -> Array:
-        """(T,) what was measured and is fitted: the output, or the velocity alone [rad or m; rad/s or m/s]."""
+        """(T,) measured quantity that is fitted: the output, or the velocity alone [rad or m; rad/s or m/s]."""
         if self.response == "angle":
             return self.output
         if self.velocity is None:
@@ -121,7 +121,7 @@ class Run:
 
     @cached_property
     def drive(self) -> Array:
-        """(T,) torque of the drive's law along the measured motion, without its limit."""
+        """(T,) torque of the drive's control law along the measured motion, without its limit."""
         return drive_torque(self.command, self.servo_gain, self.servo_damping, self.output, self.time)
 
     def slice(self, start: int | None, stop: int | None) -> Run:

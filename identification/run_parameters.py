@@ -1,7 +1,7 @@
-"""What is known to differ from run to run: a payload, or parameters that were fitted for each run separately.
+"""Parameters that differ from run to run: a payload, or parameters that were fitted for each run separately.
 
-A run says by how much its parameters differ from those of the model. A motor before the load, its spring and its
-damper are no part of a payload: where the model has them, they stay what they are.
+`Run.own` holds the differences from the parameters of the model. A payload changes the load alone: the motor, the
+spring and the damper of a drivetrain are unchanged.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from plant.servo import ServoModel
 
 GRAVITY = 9.80665  # [m/s^2]
 PAYLOAD = ("payload_mass", "payload_radius", "payload_inertia", "payload_gravity")
-_ASIDE = 1e-6  # of a value, for slopes
+_ASIDE = 1e-6  # relative step of the finite differences
 
 
 def payload_of(recording: Recording) -> dict[str, float]:
-    """By how much a run's payload raises inertia and gravity, from its columns.
+    """The inertia and gravity that the payload of a run adds, from its columns.
 
-    A point mass m at a radius r adds m r^2 and m g r, its arm being horizontal at angle zero; on a linear axis it adds
-    m. An inertia [kg m^2] or gravity torque [N m] that is given comes on top.
+    A point mass m at a radius r adds m r^2 and m g r; its arm is horizontal at angle zero. On a linear axis it adds m.
+    A given inertia [kg m^2] or gravity torque [N m] is added to that.
 
-    Raises `MalformedLog` where a payload changes within a run, or a mass on a rotary axis has no radius.
+    Raises `MalformedLog` if a payload changes within a run, or a mass on a rotary axis has no radius.
     """
     known = {name: _constant(recording, name) for name in PAYLOAD if name in recording.others}
     mass, radius = known.get("payload_mass", 0.0), known.get("payload_radius", 0.0)
@@ -53,7 +53,7 @@ def _constant(recording: Recording, name: str) -> float:
 
 
 def own_values(run: Run, model: ServoModel, values: Array) -> Array:
-    """(P,) parameters of a model in a run, from those of the model (P,)."""
+    """(P,) parameters that hold in a run, from those of the model (P,)."""
     if not run.own:
         return values
     found = values.copy()
@@ -68,7 +68,7 @@ def own_values(run: Run, model: ServoModel, values: Array) -> Array:
 
 
 def own_slopes(run: Run, model: ServoModel, values: Array, free: tuple[int, ...]) -> Array | None:
-    """(F, F) derivative of a run's free parameters by those of the model; None where it is one."""
+    """(F, F) derivative of a run's free parameters by those of the model; None where it is the identity."""
     if model.drivetrain is None or "inertia" not in run.own:
         return None
     rows = list(free)
@@ -82,5 +82,5 @@ def own_slopes(run: Run, model: ServoModel, values: Array, free: tuple[int, ...]
 
 
 def own_model(run: Run, model: ServoModel) -> ServoModel:
-    """The model as it is in a run."""
+    """The model with the parameters of a run."""
     return model.with_values(own_values(run, model, model.values)) if run.own else model

@@ -1,4 +1,4 @@
-"""Free simulation of a log: what the model says will happen, from the command alone."""
+"""Free simulation of a log: the output of the model for the command alone."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
-_FEWEST = 5  # samples of a piece that is started anew
-_ROUNDING = 1e-9  # of a window, by which a sample at its end may miss it
-SETTLE = 0.2  # seconds of the measured output that a simulation may see, to find its initial state
+_FEWEST = 5  # least number of samples of a piece that is restarted
+_ROUNDING = 1e-9  # of a window: tolerance for a sample at its end
+SETTLE = 0.2  # seconds of the measured output from which a simulation estimates its initial state
 
 
 def free_simulation(
@@ -29,17 +29,17 @@ def free_simulation(
     settle: float = SETTLE,
     after: Callable[[int], None] | None = None,
 ) -> list[Array]:
-    """Simulate every run from its command, in the exact form of the model.
+    """Simulate every run from its command, with exact dry friction.
 
     Args:
         log: its measured output is used only in the first `settle` seconds of each run or window.
         model: the servo.
-        window: restart, in the same way, every so many seconds; None simulates each run in one piece.
-        settle: how long the output is looked at to find the initial angle and velocity [s].
-        after: called with the number of samples of each run or window that is done.
+        window: length of the windows [s], each with a new initial state; None simulates each run in one piece.
+        settle: length of measured output from which the initial angle and velocity are estimated [s].
+        after: called after each run or window with its number of samples.
 
     Returns:
-        One (T,) simulated output a run [rad or m].
+        One (T,) simulated output per run [rad or m].
 
     Raises:
         BadParameter: the window is not longer than `settle`, or the model's axis or unit of torque is not the log's.
@@ -59,7 +59,7 @@ def _simulate_run(
     elapsed = run.time - run.time[0]
     piece = np.floor(elapsed / (np.inf if window is None else window) + _ROUNDING).astype(int)
     starts = np.flatnonzero(np.diff(piece, prepend=-1))
-    # A piece of a few samples has no start to be found in it: it belongs to the piece before.
+    # A piece of a few samples is too short to estimate an initial state: it belongs to the piece before.
     starts = starts[np.diff(starts, append=len(run)) >= _FEWEST] if len(run) >= _FEWEST else starts[:1]
     starts[:1] = 0
     parts, end = [], None
@@ -67,11 +67,11 @@ def _simulate_run(
         part = run.slice(int(first), int(last))
         seen = int(np.searchsorted(part.time - part.time[0], settle * (1.0 + _ROUNDING), side="right"))
         if not part.valid[:seen].any():
-            # Nothing to restart from: go on from where the last piece ended.
+            # No valid sample to restart from: continue from the end of the last piece.
             state = end if end is not None else np.zeros(2)
         else:
             state = _initial_state(log, part.slice(0, max(seen, 2)), model)
-        # One sample further, where the next piece begins.
+        # One sample more: the first one of the next piece.
         simulated, end = _from(log, run.slice(int(first), min(int(last) + 1, len(run))), model, state)
         parts.append(simulated[: len(part)])
         done(len(part))
@@ -86,7 +86,7 @@ def _from(log: Log, run: Run, model: ServoModel, state: Array) -> tuple[Array, A
 
 
 def _initial_state(log: Log, start: Run, model: ServoModel) -> Array:
-    """(2,) angle and velocity at the first sample, from the model's own trajectory through a short stretch."""
+    """(2,) angle and velocity at the first sample: the model's trajectory is fitted to a short stretch of the run."""
     predictor = Predictor(model=model, runs=(start,), free=(), substeps=steps_in_a_sample(model, log))
 
     def linearise(state: Array) -> NormalEquations:

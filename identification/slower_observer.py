@@ -1,8 +1,8 @@
-"""A base model where nearly everything is missing, as beside a stop or a strong spring: behind a slower observer.
+"""Fit of a base model that lacks a dominant effect, such as an end stop or a strong spring: with a slower observer.
 
-There the likeliest observer is one that follows the load whatever the torque is. It tells nothing of any model, and a
-search that begins from it finds none. Behind a slower one the same model errs more, but the torque counts. If it drives
-another load, it may count for nothing still: a spring alone swings as well.
+For such a model the most likely observer follows the load whatever the torque is. Its innovations have no information
+about the model, and a search that begins there finds no effect. With a slower observer the model errs more, but the
+torque matters. It may still explain nothing if it drives another load: a load on a spring oscillates without it.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from plant.servo import ServoModel
 
 
 def behind_a_slower_observer(log: Log, model: ServoModel, known: PriorKnowledge) -> Fit | None:
-    """The fit behind the fastest observer, from one sample on, with which the log tells a parameter; None without one.
+    """The fit with the fastest observer that leaves a parameter identifiable; None without one.
 
-    It is a place to begin from, so it need not have converged.
+    The bandwidth is halved from one over the sample time. The fit is a starting point and need not be converged.
 
     Args:
         log: measured runs.
-        model: to begin from.
-        known: what is known of parameters.
+        model: the starting point.
+        known: prior knowledge of the parameters.
     """
     problem = Problem.of(log, model, known=known)
     begun = [model.values, *starting_values(log, model)]
@@ -70,7 +70,7 @@ def by_regression(log: Log, model: ServoModel, known: PriorKnowledge) -> Fit | N
 
 
 def worth_of_torque(fit: Fit) -> float:
-    """Log-likelihood that a fitted model has more than with a torque that stays what it is in the mean."""
+    """Gain in log-likelihood of a fitted model from the measured torque, compared with its mean in each run."""
     still = tuple(replace(run, command=np.full_like(run.command, np.mean(run.command))) for run in fit.log.runs)
 
     def likelihood(log: Log) -> float:

@@ -1,4 +1,4 @@
-"""From a least-squares minimum to a fit: how sure each parameter is, and which of them the data cannot tell."""
+"""From a least-squares minimum to a fit: standard errors, and the parameters that the data do not determine."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from identification.sums_over_runs import informations
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
-_ASIDE = 0.1  # of ln(bandwidth), for the curvature of the likelihood
+_ASIDE = 0.1  # step of ln(bandwidth) for the curvature of the likelihood
 
 
 def fit_with_errors(objective: Objective, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:
-    """The fit that a minimum of an objective at a bandwidth [rad/s] amounts to, after so many passes over the log."""
+    """The fit at a minimum of an objective at a bandwidth [rad/s]; `evaluations` are earlier passes over the log."""
     values, initial = objective.unpack(minimum.point)
     degrees = max(objective.samples - minimum.point.size, 1)
     count = len(objective.free)
@@ -63,9 +63,9 @@ def fit_with_errors(objective: Objective, bandwidth: float, minimum: Minimum, ev
 
 
 def _where_it_began(objective: Objective, point: Array, null_projection: Array) -> tuple[Array, Array]:
-    """Parameters and initial states of a point, moved back to the start along the directions that the log cannot see.
+    """Parameters and initial states of a point, moved back to the start along the undetermined directions only.
 
-    There alone: where two parameters trade places, what they are worth together is known, and is kept.
+    If two parameters are confounded, their well-determined combination is unchanged.
     """
     count = len(objective.free)
     way = np.zeros_like(point)
@@ -74,7 +74,7 @@ def _where_it_began(objective: Objective, point: Array, null_projection: Array) 
 
 
 def divergent_fit(objective: Objective, initial: Array, bandwidth: float, evaluations: int) -> Fit:
-    """What is said of a model whose motion grows without bound wherever a fit of it was tried: it is worth nothing."""
+    """The result for a model that is unstable in every attempt to fit it: log-likelihood minus infinity."""
     count = len(objective.free)
     nothing = np.zeros((count, count))
     return Fit(
@@ -99,10 +99,10 @@ def divergent_fit(objective: Objective, initial: Array, bandwidth: float, evalua
 
 
 def bandwidth_std(fit: Fit) -> float | None:
-    """Standard error of a fit's bandwidth [rad/s], all else as fitted, from the likelihood a little to either side.
+    """Standard error of a fit's bandwidth [rad/s], the other parameters fixed, from finite differences.
 
-    The log-likelihood over ln(bandwidth) is a parabola there, whose curvature is the inverse of the variance. None
-    where the fit has no observer, or its bandwidth is no peak but an end of the range.
+    The log-likelihood over ln(bandwidth) is nearly a parabola; its curvature is the inverse of the variance. None if
+    the fit has no observer, or if its bandwidth is not a maximum but an end of the range.
     """
     if not fit.bandwidth:
         return None
@@ -119,11 +119,11 @@ def bandwidth_std(fit: Fit) -> float | None:
 def _around(
     objective: Objective, values: Array, initial: Array, bandwidth: float, here: list[Prediction]
 ) -> list[Prediction]:
-    """Innovations and Jacobians whose curvature says how sure the fit is.
+    """Innovations and Jacobians for the standard errors.
 
-    Where a model is chaotic the likelihood at a low bandwidth is a mountain range, and the curvature of its highest
-    peak does not show the others. An observer that is faster than the chaos smooths it, unless impacts in quick
-    succession make its slopes grow without bound; then that peak is all there is.
+    The likelihood of a chaotic model at a low bandwidth has many maxima, and the curvature of the highest one does not
+    show the others. A sufficiently fast observer smooths the likelihood, unless impacts in quick succession make the
+    sensitivities grow without bound; then the curvature of the highest maximum is used.
     """
     fading = FADING / objective.log.sample_time
     if not objective.model.chaotic or bandwidth >= fading:
@@ -135,17 +135,17 @@ def _around(
 
 
 def _nothing_moves(objective: Objective, minimum: Minimum) -> bool:
-    """Whether an output that never changes explains the log as well as the fitted motion: nothing can be told."""
+    """Whether a constant output explains the log as well as the fitted motion: no parameter is identifiable."""
     runs = objective.log.runs
     still = sum(float(np.sum((run.measured - run.measured[run.valid].mean())[run.valid] ** 2)) for run in runs)
     return still <= 1.1 * minimum.equations.cost
 
 
 def _without_weight(objective: Objective, values: Array, std: Array) -> NDArray[np.bool_]:
-    """(F,) parameters whose uncertainty is worth more than the torque in the log: the data cannot tell them.
+    """(F,) parameters with an uncertainty larger than their scale: the data do not determine them.
 
-    What a standard error is worth is the torque that it makes over the log's motion; for the parameters of an
-    effect, whose torque is not known before it is named, the value itself is the scale.
+    For a rigid-body parameter the scale is the value whose torque over the log's motion is the torque of the log (rms).
+    For any parameter it is at least the fitted value, and the natural scale of its quantity on the log.
     """
     natural = natural_scales(objective.log)
     level = natural["N m"]

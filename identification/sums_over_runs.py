@@ -1,8 +1,8 @@
-"""Sums over the runs of a log: its runs share the parameters, and each has an initial state of its own.
+"""Sums over the runs of a log: the runs share the parameters, and each has its initial state.
 
-A point of a fit is (F + 2R,): the parameters, then angle and velocity at the first sample of each run. Where M of the
-parameters have a value of their own in each run it is (F - M + R M + 2R,): the shared ones, those of each run, then the
-initial states. Of the Jacobian of a run only F + 2 columns are not zero; these sums are all that is needed of it.
+A point of a fit is (F + 2R,): the parameters, then angle and velocity at the first sample of each run. If M of the
+parameters differ from run to run it is (F - M + R M + 2R,): the shared parameters, those of each run, then the initial
+states. The Jacobian of a run has only F + 2 non-zero columns; a fit needs only these sums of it.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from plant.effects.effect import Array
 
 
 def normal_equations(pieces: Iterable[tuple[int, Prediction]], runs: int, own: Sequence[int] = ()) -> NormalEquations:
-    """The normal equations of a log from pieces of its runs, each with the place of its run.
+    """The normal equations of a log from pieces of its runs, each with the index of its run.
 
     Args:
         pieces: of all runs.
-        runs: R, how many there are.
-        own: (M,) rows of the parameters that have a value of their own in each run.
+        runs: R, the number of runs.
+        own: (M,) rows of the parameters that differ from run to run.
     """
     cost, gradient, information = 0.0, np.zeros(0), np.zeros((0, 0))
     for run, piece in pieces:
@@ -45,7 +45,7 @@ def normal_equations(pieces: Iterable[tuple[int, Prediction]], runs: int, own: S
 
 
 def informations(predictions: Sequence[Prediction], own: Sequence[int] = ()) -> tuple[Array, Array]:
-    """J'J and J'RJ, with R the covariance of the innovations, which ends where a run does; `own` as above."""
+    """J'J and J'RJ, with R the covariance of the innovations, zero between runs; `own` as in `normal_equations`."""
     coefficients, variance = colouring(np.concatenate([p.innovations for p in predictions]))
     free, runs = predictions[0].jacobian.shape[1] - 2, len(predictions)
     size = point_size(free, runs, own)
@@ -53,7 +53,7 @@ def informations(predictions: Sequence[Prediction], own: Sequence[int] = ()) -> 
     for run, p in enumerate(predictions):
         at = places(free, run, runs, own)
         block = np.ix_(at, at)
-        with np.errstate(over="ignore", invalid="ignore"):  # of a model that all but runs off nothing is known
+        with np.errstate(over="ignore", invalid="ignore"):  # of a nearly unstable model
             white[block] += p.jacobian.T @ p.jacobian
             backwards = colour(p.jacobian[::-1], coefficients)
             coloured[block] += variance * (backwards.T @ backwards)
@@ -61,12 +61,12 @@ def informations(predictions: Sequence[Prediction], own: Sequence[int] = ()) -> 
 
 
 def point_size(free: int, runs: int, own: Sequence[int]) -> int:
-    """Length of a point of so many parameters, of which some have a value of their own in each run."""
+    """Length of a point with `free` parameters, of which those in `own` differ from run to run."""
     return free + len(own) * (runs - 1) + 2 * runs
 
 
 def places(free: int, run: int, runs: int, own: Sequence[int] = ()) -> NDArray[np.intp]:
-    """(F + 2,) places of a run's columns among those of the log."""
+    """(F + 2,) indices of a run's columns among those of the log."""
     found, shared = np.empty(free + 2, dtype=np.intp), free - len(own)
     found[[row for row in range(free) if row not in own]] = np.arange(shared)
     found[list(own)] = shared + len(own) * run + np.arange(len(own))

@@ -1,7 +1,7 @@
-"""Work on several things at once, in threads: compiled loops and array operations do not hold one another up.
+"""Parallel work in threads: compiled loops and array operations do not block one another.
 
-The threads of a BLAS do: they wait for one another by spinning, so two pools of them on one machine, ours or another
-program's, take each other's time. Its matrices here are long and thin, on which they gain nothing.
+BLAS threads do: they wait for one another in spin loops. So two of their pools on one machine slow each other down,
+also if one belongs to another program. The matrices here are long and thin, so BLAS threads gain nothing.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 Arguments = ParamSpec("Arguments")
 
-_MOST = 4  # threads; each holds what it works on in memory
+_MOST = 4  # threads; each keeps its data in memory
 
 
 def in_threads(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Results of the work on each item, in their order; with one processor one after the other."""
+    """Results of the work on each item, in the order of the items; on one processor one after the other."""
     todo = list(items)
     threads = min(len(todo), _MOST, _processors())
     if threads < 2:
@@ -31,7 +31,7 @@ def in_threads(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Re
     try:
         return list(pool.map(work, todo))
     except BaseException as error:
-        # what has not begun is called off; who stops the program waits for nothing
+        # work that has not begun is cancelled; an interrupt of the program does not wait for running work
         pool.shutdown(wait=isinstance(error, Exception), cancel_futures=True)
         raise
     finally:
@@ -39,12 +39,12 @@ def in_threads(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Re
 
 
 def _processors() -> int:
-    """How many this process may use, which on a shared machine are fewer than there are."""
+    """Number of processors that this process may use; on a shared machine fewer than the machine has."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def without_blas_threads(work: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """The work with one BLAS thread as long as it lasts."""
+    """The function `work`, run with a single BLAS thread."""
 
     @wraps(work)
     def alone(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:

@@ -1,7 +1,7 @@
-"""Written times that scatter about an even clock: a drive samples evenly, the logger beside it stamps what it gets.
+"""Jitter of time stamps: the drive samples evenly, the logger stamps the samples when they arrive.
 
-Both readings of such a log are possible: the samples were taken when it says, or evenly. The model tells: with the
-wrong times the load seems to be pushed at random. The likelier reading is used.
+Either the time stamps are true or the samples are evenly spaced. With the wrong times the load seems to be disturbed at
+random, so the model is fitted with both. Even times are used where their likelihood is clearly higher.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from identification.recording import Array
 from identification.run import Run
 
 _CLEARLY = 10.0  # rise of the log-likelihood from which the stamps are rejected
-_SCATTER = 0.005  # of a sample: the standard deviation from which it matters
-_NEAR = 0.5  # of a sample: stamps further off the even clock are not scatter
+_SCATTER = 0.005  # of a sample time: standard deviation from which the jitter matters
+_NEAR = 0.5  # of a sample time: stamps further off the even clock are not jitter
 
 
 def with_its_clock(fit: Fit) -> Fit:
-    """The same model fitted to the log with its samples at even times, or the fit as it is."""
+    """The model fitted to the log with even times if that is clearly more likely, else the unchanged fit."""
     even = evenly_timed(fit.log)
     if even is fit.log:
         return fit
@@ -31,7 +31,7 @@ def with_its_clock(fit: Fit) -> Fit:
 
 
 def evenly_timed(log: Log) -> Log:
-    """The log with its runs on even clocks; the log itself where they are even already or no such clock is near."""
+    """The log with evenly spaced samples in each run; the log itself if they are even already or no even clock fits."""
     runs = tuple(_even(run) for run in log.runs)
     off = [np.abs(new.time - old.time).max() for new, old in zip(runs, log.runs, strict=True)]
     if not any(off):
@@ -56,7 +56,7 @@ def _even(run: Run) -> Run:
 
 
 def _step(time: Array) -> float:
-    """Time step of a clock that gains nothing over the stamps in the long run [s]."""
+    """Mean time step without gaps [s]: a clock with it does not drift against the time stamps."""
     steps = np.diff(time)
     usual = steps[steps < 1.5 * np.median(steps)]
     return float(np.mean(usual))

@@ -1,4 +1,4 @@
-"""From a model to torques: estimator, controller, closed loop, and what the loop is worth."""
+"""Model predictive control: estimator, controller, closed-loop simulation, loop analysis and code export."""
 
 from __future__ import annotations
 

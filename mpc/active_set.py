@@ -1,15 +1,15 @@
-"""The active set: Newton steps until the bounds and ends that are active repeat, begun where the last sample ended.
+"""Active-set method: Newton steps until the active constraints repeat, warm-started from the previous sample.
 
-A torque is held at its bound by the sweep itself. Another number of a stage is held at the end b of its interval by a
-force f, which Newton's method on the augmented Lagrangian finds: a sweep under
+The sweep itself holds a torque at its bound. Another constrained quantity q of a stage is held at the end b of its
+interval by a multiplier (force) f, found by Newton's method on the augmented Lagrangian: one sweep with the cost terms
 
-    f (q - b) + rho/2 (q - b)^2,    then    f + rho (q - b)  is the new force
+    f (q - b) + rho/2 (q - b)^2,    then the new force is    f + rho (q - b)
 
-with so great a rho that one sweep has it right to the digits that are asked for. A force that would pull lets its
-number go; one that would cost more than the price of leaving the interval stays at that price, until the number comes
-back. The number that is farthest out is held next, one in each round: limits that are held one behind the other would
-else be more than the torques can meet. Nothing here is believed without `Sweeps.residual`, and where it does not come
-to an end, the interior point method is behind it.
+rho is so large that one sweep reaches the required precision. A quantity is released if its force has the wrong sign.
+A force above the price of the soft limit stays at that price until the quantity is back inside the interval. In each
+round the local maxima over time of the constraint violation are added to the active set: adding all violated samples
+at once can give an infeasible set. `Sweeps.residual` certifies the result. If the method does not converge, the
+interior point method solves the program.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from mpc.sweeps import Sweeps
 Array = NDArray[np.float64]
 
 TRIES = 15
-"""Rounds with other numbers than the torque, after which the interior point method is the shorter way."""
+"""Rounds with constraints other than the torque bounds; after these the interior point method is faster."""
 
 _CLOSE = 1e-9
-"""How near to its end a number is that is held there, and how far beyond one that need not be: in torque that moves it,
-in units of the greatest. With the price of an interval more would show in the cost."""
+"""Tolerance of an active constraint and of a violation, as the torque that causes it, in units of the greatest torque.
+Multiplied by the price of a soft limit, a larger tolerance would change the cost noticeably."""
 
 FIRM = 1e4
-"""rho, in units of the curvature of the cost: what a number is beyond its end, and what a force lacks, is as little."""
+"""rho, in units of the curvature of the cost: it reduces constraint violation and force error by this factor."""
 
 
-@np.errstate(all="ignore")  # forgotten numbers may be anything; what comes of them is certified
+@np.errstate(all="ignore")  # unused entries may have any value; the result is certified
 def find_active_set(program: Sweeps) -> bool:
-    """Let the bounds and ends of a program settle; whether they do. The last sweep then is the solution."""
+    """Iterate the active set of a program; returns whether it converges. The last sweep is then the solution."""
     p = program
     fenced, changes, once_more = p.rows > TORQUE_ALONE, True, False
     pressing = warm = fenced and _known(p)
@@ -49,7 +49,7 @@ def find_active_set(program: Sweeps) -> bool:
         if not (fenced and place):
             p.curvature[:] = p.law[:, -1]
         if warm and not place:
-            continue  # the first sweep was for the curvature alone
+            continue  # the first sweep only gives the curvature
         warm = False
         p.bounds[:, 0] = p.held
         if fenced:
@@ -57,14 +57,14 @@ def find_active_set(program: Sweeps) -> bool:
             changes = _settle(p) or changes
             taken = _take_up(p, far)
             changes, pressing = changes or taken, pressing or taken
-            once_more = not changes and pressing and not once_more  # with forces that are right by now
+            once_more = not changes and pressing and not once_more  # one more sweep with the converged forces
             changes = changes or once_more
     p.barrier[:] = 0.0
     return not changes
 
 
 def _ends(program: Sweeps) -> Array:
-    """(N, rows) the end at which each number is held, the lower one of those that are not."""
+    """(N, rows) the end of the interval at which each quantity is held; the lower end for free ones."""
     return np.where(program.pressed > 0, program.fence[:, :, 1], program.fence[:, :, 0])
 
 
@@ -73,7 +73,7 @@ def _steepness(program: Sweeps) -> Array:
 
 
 def _known(program: Sweeps) -> bool:
-    """Keep of what is remembered what can be; whether anything is."""
+    """Keep the valid part of the previous active set; returns whether any of it is left."""
     p = program
     at, price = np.abs(p.pressed), p.prices
     given_up = (at == 2) & (price < np.inf)
@@ -85,7 +85,7 @@ def _known(program: Sweeps) -> bool:
 
 
 def _press(program: Sweeps) -> None:
-    """What is held, or given up, adds to the cost."""
+    """Add the cost terms of the held quantities and of those at their price."""
     p = program
     held = np.abs(p.pressed) == 1
     firm = np.where(held, _steepness(p), 0.0)
@@ -94,7 +94,7 @@ def _press(program: Sweeps) -> None:
 
 
 def _settle(program: Sweeps) -> bool:
-    """The forces behind a sweep, and which numbers are let go, given up to their price, or held again; whether any."""
+    """Update forces and active set (release, put at the price, hold again); returns whether anything changed."""
     p = program
     at, sense = p.pressed.copy(), np.where(p.pressed > 0, 1.0, -1.0)
     beyond = sense * (p.numbers().reshape(at.shape) - _ends(p))
@@ -105,12 +105,12 @@ def _settle(program: Sweeps) -> bool:
     p.pressed[:] = np.where(gone, 0.0, np.where(dear, 2 * sense, np.where(back, sense, at)))
     settled = sense * np.where(gone, 0.0, np.where(dear, p.prices, force))
     p.forces[:] = np.where(held, settled, p.forces)
-    away = held & (np.abs(beyond) > _CLOSE * p.unit[0] * p.moved)  # not quite there
+    away = held & (np.abs(beyond) > _CLOSE * p.unit[0] * p.moved)  # not yet within tolerance
     return bool((gone | dear | back | away).any())
 
 
 def _beyond(program: Sweeps) -> Array:
-    """(N, rows) how far each number that is free is beyond an end, in units of the torque that moves it."""
+    """(N, rows) violation of each free quantity, as the torque that causes it."""
     p = program
     q = p.numbers().reshape(p.pressed.shape)
     far = np.maximum(q - p.fence[:, :, 1], p.fence[:, :, 0] - q) / p.moved
@@ -120,7 +120,7 @@ def _beyond(program: Sweeps) -> Array:
 
 
 def _take_up(program: Sweeps, far: Array) -> bool:
-    """Hold those that are farther beyond than their neighbours in time; whether there are any."""
+    """Hold the quantities whose violation is a local maximum over time; returns whether there are any."""
     p, edge = program, np.full((1, far.shape[1]), -np.inf)
     peak = (far >= np.vstack((edge, far[:-1]))) & (far > np.vstack((far[1:], edge)))
     taken = (far > _CLOSE * p.unit[0]) & peak

@@ -1,4 +1,4 @@
-"""What the load is to do over the horizon: the wanted angle as it is told, and what of it can be followed.
+"""The reference over the horizon: as given by the caller, and as governed so that the torques can follow it.
 
 See look, aim and astray in step.c.
 """
@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 
 
 class Aim:
-    """What is wanted, what of it can be followed, and whether the load is where it should be."""
+    """Given reference, governed reference, and check of the following error."""
 
     def __init__(self, arrays: Mapping[str, Array], governor: Governor, late: int) -> None:
-        """On the arrays of a controller."""
+        """Work on the arrays of a controller."""
         self._a, self._governor, self._limited, self._late = arrays, governor, governor.soft is not None, late
         known = {0: arrays["told"], 2: arrays["tuning"][Tuning.ATTAINABLE :][:1]}
         self._preview = Kernel(preview(), known)
@@ -40,7 +40,7 @@ class Aim:
         self._counts = np.arange(1, arrays["wanted"].size)
 
     def look(self, previewed: bool) -> int:
-        """The wanted angle over the horizon and its changes; of a reference that is a number only that is given."""
+        """Fill the wanted angle over the horizon and its changes; a scalar reference is extrapolated."""
         wanted, told, steps = self._a["wanted"], self._a["told"], self._a["steps"]
         trouble = Trouble.NONE if np.isfinite(wanted if previewed else wanted[0]).all() else Trouble.NO_REFERENCE
         if trouble:
@@ -55,7 +55,7 @@ class Aim:
         return trouble
 
     def aim(self, previewed: bool) -> int:
-        """What of it can be followed, over the horizon and as far beyond as a delay reaches; whether it is."""
+        """Fill the governed reference over horizon and dead time; returns whether the load does not follow it."""
         wanted, governor, limits = self._a["wanted"], self._governor, None
         if previewed and governor.sees_a_jump(wanted):
             governor.path[:], (backward, forward) = self._begun()
@@ -67,7 +67,7 @@ class Aim:
 
     @staticmethod
     def _begin(kalman: Any, load: Any, machine: Any, tuning: Any, path: Any) -> dict[str, Any]:
-        """Where the governed reference is, at the load if that is too far from it, and what can be followed."""
+        """Start of the governed reference, at the load if the two are too far apart, and acceleration limits."""
         angle, velocity = kalman[Kalman.ANGLE], kalman[Kalman.VELOCITY]
         limits, near = followable()(ca.vertcat(angle, velocity), load, machine, tuning)
         goes_on = ca.logic_and(path[Path.GOVERNED] != 0, ca.fabs(angle - path[Path.ANGLE]) <= near)
@@ -90,7 +90,7 @@ class Aim:
 
 
 def _off(ahead: Any, kalman: Any, mean: Any, tuning: Any, dt: Any) -> Any:
-    """Mean square of what the load is off its reference, in units of what is admitted."""
+    """Mean square of the following error, in units of the permitted error."""
     step = dt * tuning[Tuning.WAVE]
     admitted = tuning[Tuning.ASTRAY] + ca.fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step)
     miss = (ahead[0] - kalman[Kalman.ANGLE]) / admitted

@@ -1,4 +1,4 @@
-"""The loop around the controller, seen as a linear one at an operating point: gain, margins, sensitivity, bandwidth."""
+"""Linear analysis of the closed loop at an operating point: gain, margins, sensitivity, bandwidth."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from plant.simulation import beginning
 Array = NDArray[np.float64]
 
 _POINTS = 4000
-"""Frequencies at which peaks and crossings are looked for, over four decades up to half the sampling rate."""
+"""Number of frequencies of the grid for peaks and crossings, four decades up to half the sampling rate."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoopAnalysis:
-    """The loop broken where the torque enters the drivetrain.
+    """The loop, opened where the torque enters the drivetrain.
 
     Attributes:
-        plant: (torque behind the drive) -> (reading), `control.StateSpace` with the sample time, delay included.
-        controller: (reading) -> (torque), with its sign.
+        plant: from drive output torque to measurement, `control.StateSpace` with the sample time, dead time included.
+        controller: from measurement to torque, sign included.
         gain: L = - plant times controller.
-        sensitivity: S = 1/(1 + L), from a torque that enters with the controller's to their sum.
-        complementary: T = L/(1 + L), from noise of the reading to the angle, with its sign.
-        gain_margin: by how much L may grow until the loop oscillates [-]; inf if it never does.
-        phase_margin: [deg]; nan where |L| is nowhere 1.
-        crossover: at which |L| = 1 for the last time [Hz]; nan likewise.
-        delay_margin: least dead time that makes the loop oscillate [s].
-        peak_sensitivity: max |S| [-]; below 2 is comfortable.
-        bandwidth: at which |T| falls below -3 dB for the last time [Hz].
-        torque: that holds the operating point, behind the drive [N m].
+        sensitivity: S = 1/(1 + L), from a torque added to the controller output to the sum of both.
+        complementary: T = L/(1 + L); measurement noise acts on the angle with -T.
+        gain_margin: factor by which L may grow until the loop oscillates [-]; inf if it never does.
+        phase_margin: [deg]; nan if |L| is never 1.
+        crossover: highest frequency with |L| = 1 [Hz]; nan if there is none.
+        delay_margin: least additional dead time that makes the loop oscillate [s].
+        peak_sensitivity: max |S| [-]; below 2 is a good value.
+        bandwidth: highest frequency at which |T| falls below -3 dB [Hz].
+        torque: drive output torque that holds the operating point [N m].
     """
 
     plant: Any
@@ -57,20 +57,20 @@ class LoopAnalysis:
 
 
 def analyse_loop(controller: Controller, *, angle: float = 0.0, velocity: float = 0.0) -> LoopAnalysis:
-    """Linearise model, estimator and predictive controller at an operating point, no bound being active.
+    """Linearise model, estimator and predictive controller at an operating point without active bounds.
 
-    The estimator has settled (its Riccati equation); the law of the controller is the first torque of the program of
-    `Controller`, as a linear function of the estimate and of the torques under way. The reference is constant.
+    The estimator has its stationary gain (Riccati equation). The control law is the first torque of the program of
+    `Controller`, a linear function of the estimate and of the torques not yet effective. The reference is constant.
 
     Args:
-        controller: its model and its numbers are used, not what it remembers.
+        controller: its model and its parameters are used, not its present state.
         angle, velocity: of the load at the operating point [rad], [rad/s], kept by a constant torque.
 
     Raises:
-        BadParameter: the controller has encoders at the motors, which this analysis leaves out, or no torque keeps the
+        BadParameter: the controller uses motor encoders (not supported by this analysis), or no torque keeps the
             operating point.
     """
-    import control  # takes a second, and only an analysis needs it
+    import control  # slow import (about a second), so only where it is needed
 
     if controller.motor_resolution is not None:
         raise BadParameter("The analysis of the loop is for the load's encoder alone; leave motor_resolution out.")
@@ -103,7 +103,7 @@ def analyse_loop(controller: Controller, *, angle: float = 0.0, velocity: float 
 
 
 def _holding(controller: Controller, angle: float, velocity: float) -> tuple[float, Array]:
-    """The torque behind the drive that keeps a velocity, by Newton's method, and the state with all else settled."""
+    """The drive output torque that keeps a velocity, by Newton's method, and the state with settled effect states."""
     predictor = controller.estimator.predictor
     torque = 0.0
     for _ in range(30):
@@ -122,7 +122,7 @@ def _holding(controller: Controller, angle: float, velocity: float) -> tuple[flo
 
 
 def _assessed(plant: Any, feedback: Any, torque: float) -> LoopAnalysis:
-    """The margins as python-control finds them on a grid of frequencies; its polynomials dislike delays."""
+    """Margins by python-control on a frequency grid; its polynomial method is inaccurate with dead times."""
     import control
 
     dt = plant.dt
@@ -151,7 +151,7 @@ def _assessed(plant: Any, feedback: Any, torque: float) -> LoopAnalysis:
 
 
 def _last_above(frequencies: Array, magnitude: Array, level: float) -> float:
-    """Where a magnitude falls through a level for the last time [Hz], between two points by its slope; nan if never."""
+    """Highest frequency at which a magnitude falls below a level [Hz], log-log interpolated; nan if there is none."""
     above = np.flatnonzero((magnitude[:-1] >= level) & (magnitude[1:] < level))
     if not above.size:
         return float("nan")

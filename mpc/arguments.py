@@ -1,4 +1,4 @@
-"""What a step is given, put where it reads it, or refused."""
+"""Check of the arguments of a step."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def take_reference(reference: ArrayLike, wanted: Array) -> bool:
-    """Note what is wanted in (N + 1,) samples; whether that is more than a number."""
+    """Write the reference into `wanted` (N + 1,); returns whether it is an array and not a number."""
     given = np.asarray(reference, dtype=np.float64)
     if given.shape not in ((), wanted.shape):
         raise BadParameter(
@@ -23,7 +23,7 @@ def take_reference(reference: ArrayLike, wanted: Array) -> bool:
 
 
 def take_motor_angles(angles: ArrayLike | None, resolution: float | None, drives: int) -> ArrayLike:
-    """(2,) measured angles, that of a motor which is not there being none."""
+    """(2,) measured motor angles, NaN for a missing one."""
     if resolution is None:
         raise BadParameter("Give the controller a motor_resolution, or no motor angles.")
     if angles is None:
@@ -36,7 +36,7 @@ def take_motor_angles(angles: ArrayLike | None, resolution: float | None, drives
 
 
 def take_elapsed(elapsed: float) -> float:
-    """A time since the last step [s]."""
+    """The time since the last step [s], checked."""
     if not (np.isfinite(elapsed) and elapsed > 0):
         raise BadParameter(f"elapsed must be a time above zero since the last step, not {elapsed!r}.")
     return elapsed

@@ -1,4 +1,4 @@
-"""What a controller may be asked for: each number by itself, before anything is made of them."""
+"""Check of the attributes of a controller, one by one."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from plant.gears import GearTrain
 from plant.number import finite, refuse_huge, whole
 
 _LONGEST = 2000
-"""Samples looked ahead at most: the horizon is laid out in memory, and taken as a whole to choose what was left out."""
+"""Longest horizon in samples: the memory grows with it, and the automatic tuning solves for the whole horizon."""
 
 _FASTEST = 0.1
-"""Bandwidth at most, in units of the sampling rate."""
+"""Highest bandwidth, in units of the sampling rate."""
 
 _PASSES = 100
-"""Quadratic programs in a sample at most."""
+"""Greatest number of quadratic programs in a sample."""
 
 _ABOVE_ZERO = ("sample_time", "bandwidth")
 _NOT_NEGATIVE = (
@@ -31,7 +31,7 @@ _OPTIONAL = ("bandwidth", "horizon", "disturbance_rate", "motor_resolution")
 
 
 def check(asked: Any) -> None:
-    """Refuse the attributes of a `Controller` that it cannot have with a `BadParameter`; None is chosen later."""
+    """Raise `BadParameter` for an invalid attribute of a `Controller`; None stands for a number chosen later."""
     if asked.model.axis == "linear" and isinstance(asked.gears, GearTrain):
         raise BadParameter(
             "A linear axis has no gear train; give Ratios of its drives in N/(N m), such as Ratios(ratios=(62.8,))."
@@ -65,7 +65,7 @@ def check(asked: Any) -> None:
 
 @contextmanager
 def computable(asked: Any) -> Iterator[None]:
-    """Turn the failure of a computation with numbers that are out of all proportion into a `BadParameter`."""
+    """Turn an overflow or a singular matrix, caused by numbers out of proportion, into a `BadParameter`."""
     try:
         with np.errstate(over="raise", invalid="raise"):
             yield
@@ -80,7 +80,7 @@ def computable(asked: Any) -> Iterator[None]:
 
 
 def _refuse_unless(asked: Any, name: str, what: str, allowed: Callable[[float], bool]) -> None:
-    """Refuse what is no finite number or not allowed."""
+    """Raise `BadParameter` unless the attribute is a finite and allowed number."""
     value = getattr(asked, name)
     if value is None and name in _OPTIONAL:
         return

@@ -1,4 +1,4 @@
-"""A picture of the loop: gain, sensitivities and phase over frequency."""
+"""Bode plot of the loop: gain, sensitivities and phase over frequency."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def bode_figure(loop: LoopAnalysis) -> Figure:
-    """Bode plot of an analysed loop, its numbers in the title. In a notebook it shows itself.
+    """Bode plot of an analysed loop, with its margins in the title. A notebook displays it.
 
     Raises:
         BadParameter: matplotlib is not installed.

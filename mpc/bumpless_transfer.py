@@ -1,4 +1,4 @@
-"""What a controller takes over from the one that ran before it, so that the loop goes on without a bump."""
+"""Bumpless transfer: the state that a controller takes over from its predecessor."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
 
-_CLOSE, _ROUNDS = 1e-10, 10  # of the search for the torque that nobody knows: its last step, and how many there are
+_CLOSE, _ROUNDS = 1e-10, 10  # of the search for the disturbance: size of the last step, and number of steps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Running:
-    """What of a controller goes on.
+    """The parts of a controller that take part in a transfer.
 
     Attributes:
-        model: that it works with.
+        model: its servo model.
         sample_time: [s].
-        late: whole samples by which the command is late.
-        greatest: torque on the load [N m].
-        estimator: whose filter state is one of the arrays.
-        arrays: by name, and of them those that are `remembered`.
+        late: dead time of the command in whole samples.
+        greatest: greatest torque on the load [N m].
+        estimator: its filter state is one of the arrays.
+        arrays: all arrays by name.
+        remembered: names of the arrays that hold the state.
     """
 
     model: ServoModel
@@ -43,11 +44,11 @@ class Running:
 
 
 def hand_over(old: Running, new: Running) -> None:
-    """Let `new` go on where `old` is: with its estimate, its reference, its plan and the torques under way.
+    """Transfer the state of `old` to `new`: estimate, reference, plan, and torques not yet effective.
 
-    What has the same shape in both is copied. A longer delay or horizon is filled with what is known at its end. A new
-    model sees the load where the old one saw it, and its unknown torque is such that the load accelerates as it did: a
-    torque that held a payload nobody knew of still holds it when the model knows.
+    Arrays of the same size are copied. A longer dead time or horizon is filled with its last known value. With a new
+    model the estimated angle stays the same, and the disturbance is chosen such that the acceleration of the load does
+    not change. So the torque on an unmodelled payload stays right when the new model includes that payload.
     """
     if not old.estimator.kalman[0]:
         return
@@ -58,17 +59,17 @@ def hand_over(old: Running, new: Running) -> None:
     _past(old, new)
     _plan(old, new)
     if old.model != new.model or old.sample_time != new.sample_time:
-        theirs["fed"][:] = 0.0  # by another model, or in other steps
+        theirs["fed"][:] = 0.0  # valid for the old model and sample time only
     if old.sample_time != new.sample_time:
-        theirs["told"][Told.COUNT] = 0.0  # the wanted angles were so far apart in time
+        theirs["told"][Told.COUNT] = 0.0  # the stored reference samples have another spacing
     if old.model.effects != new.model.effects:
-        theirs["learnt"][:] = 0.0  # of another friction
+        theirs["learnt"][:] = 0.0  # valid for the old friction only
     if old.model != new.model or mine["kalman"].size != theirs["kalman"].size:
         _estimate(old, new)
 
 
 def _past(old: Running, new: Running) -> None:
-    """The torques that were commanded, each as the new model's drive puts it out, and what of them was for friction."""
+    """Past torques: converted to the output of the new model's drive, and their friction compensation."""
     velocity, count, wanted = float(old.estimator.kalman[4]), old.late + 2, new.late + 2
     before, after = (DriveInverse.of(each.model)[0] for each in (old, new))
     net, rubs = old.arrays["past"][:count], old.arrays["rubs"][:count]
@@ -80,7 +81,7 @@ def _past(old: Running, new: Running) -> None:
 
 
 def _plan(old: Running, new: Running) -> None:
-    """The torques that were planned, which are a first guess; those of another horizon begin and end alike."""
+    """The planned torques, a first guess; for another horizon cut, or extended with the last one."""
     mine, theirs = old.arrays["plan"], new.arrays["plan"]
     if mine.size == theirs.size:
         return
@@ -90,7 +91,7 @@ def _plan(old: Running, new: Running) -> None:
 
 
 def _estimate(old: Running, new: Running) -> None:
-    """The state and its covariance by the names of the states; what only the new model has begins at rest."""
+    """State and covariance, matched by the names of the states; states of the new model alone start at rest."""
     mine, theirs = old.estimator, new.estimator
     torque = float(new.arrays["past"][new.late + 1])
     theirs.start(float(mine.kalman[3]), torque)
@@ -100,7 +101,7 @@ def _estimate(old: Running, new: Running) -> None:
     values = [_values(each) for each in (mine, theirs)]
     spreads = [covariance_of(each.kalman, len(own)) for each, own in zip((mine, theirs), names, strict=True)]
     values[1][there] = values[0][here]
-    spreads[1][there] = 0.0  # what is known and what is not yet have nothing to do with each other
+    spreads[1][there] = 0.0  # no correlation between transferred and new states
     spreads[1][:, there] = 0.0
     spreads[1][np.ix_(there, there)] = spreads[0][np.ix_(here, here)]
     n = len(theirs.predictor.model.states)
@@ -123,10 +124,9 @@ def _values(estimator: Estimator) -> Array:
 
 
 def _go_on_accelerating(old: Running, new: Running) -> None:
-    """Choose the disturbance, and the twist of a flexible drivetrain, so that the load accelerates as it did.
+    """Choose the disturbance, and the twist of a flexible drivetrain, so that the load acceleration does not change.
 
-    Newton's method on the change of velocity over a sample: of the load, and of a motor of its own motion, which then
-    keeps pace with it.
+    Newton's method on the change of velocity over a sample, of the load and, in a flexible drivetrain, of the motor.
     """
     kalman, n = new.estimator.kalman, len(new.estimator.predictor.model.states)
     motor, torques = motor_place(new.estimator.predictor.model), _torque_states(new)
@@ -135,10 +135,10 @@ def _go_on_accelerating(old: Running, new: Running) -> None:
     units = np.array([new.greatest, _turned(new)] if motor else [new.greatest])
 
     def off(unknown: Array) -> Array:
-        """(1,) or (2,) for a disturbance, and a twist, in their units."""
+        """Error (1,) or (2,) of the change of velocity for a scaled disturbance, and twist."""
         kalman[2] = unknown[0] * units[0]
         kalman[3 : 3 + n] = start
-        kalman[3 + torques] = acting + kalman[2]  # what has settled
+        kalman[3 + torques] = acting + kalman[2]  # settled actuators
         if motor:
             kalman[3 + motor] = start[0] + unknown[1] * units[1]
             kalman[4 + motor] = start[1]
@@ -156,17 +156,17 @@ def _go_on_accelerating(old: Running, new: Running) -> None:
 
 
 def _torque_states(running: Running) -> NDArray[np.intp]:
-    """Which states are torques on their way through an actuator."""
+    """Indices of the states that are actuator torques."""
     return np.flatnonzero([kind is State.TORQUE for kind in running.estimator.predictor.model.kinds])
 
 
 def _turned(running: Running) -> float:
-    """How far the greatest torque turns the free load in a sample [rad]."""
+    """Twice the angle by which the greatest torque turns the free load in a sample [rad]."""
     return running.greatest / running.model.inertia * running.sample_time**2
 
 
 def _gained(running: Running) -> Array:
-    """(2,) change of velocity of the load and of a motor over the coming sample under the torque that acts [rad/s]."""
+    """(2,) change of velocity of the load and of a motor over the next sample with the acting torque [rad/s]."""
     estimator, state = running.estimator, running.estimator.state
     assert state is not None
     acting = running.arrays["past"][running.late + 1]

@@ -1,4 +1,4 @@
-"""The controller on the rig: the loop is closed on the machine that the model only approximates."""
+"""Closed-loop simulation: the controller on the test bench, which its model only approximates."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoopResult(Presented):
-    """What happened over T samples; on a linear axis positions [m] in place of angles, and forces [N].
+    """Signals of a closed loop over T samples; on a linear axis positions [m] instead of angles, and forces [N].
 
     Attributes:
         time: (T,) [s].
         reference: (T,) wanted load angle [rad].
         angle: (T,) true load angle [rad].
-        measured_angle: (T,) as the encoder showed it [rad].
+        measured_angle: (T,) measured by the encoder [rad].
         velocity: (T,) true load velocity [rad/s].
         torques: (T, m) pinion torques [N m].
-        disturbance: (T,) torque that the controller thinks the model misses [N m].
-        margin: (T,) margin that the controller predicted [N m], seen from the pinion.
-        flank_torques: (T, m) least torque of each required flank during each sample on the rig [N m], follower side;
-            positive: contact was never lost.
-        status: one for each sample.
+        disturbance: (T,) disturbance torque estimated by the controller [N m].
+        margin: (T,) margin predicted by the controller [N m], seen from the pinion.
+        flank_torques: (T, m) minimum contact torque of each drive during each sample on the test bench [N m], at the
+            output gear; positive: contact was never lost.
+        status: (T,) status of each sample.
         axis: of the machine.
-        tracking_rms: root mean square of angle less reference [rad].
-        least_flank_torque: the least of `flank_torques` [N m]: the preload margin that was really left.
+        tracking_rms: root mean square of angle minus reference [rad].
+        least_flank_torque: minimum contact torque, the least of `flank_torques` [N m].
         heat: mean of xi1^2 + xi2^2 [N^2 m^2].
     """
 
@@ -55,17 +55,17 @@ class ClosedLoopResult(Presented):
 
     @property
     def tracking_rms(self) -> float:
-        """Root mean square of angle less reference [rad]."""
+        """Root mean square of angle minus reference [rad]."""
         return float(np.sqrt(np.mean((self.angle - self.reference) ** 2)))
 
     @property
     def least_flank_torque(self) -> float:
-        """The least torque of any required flank on the rig [N m], follower side."""
+        """Minimum contact torque on the test bench [N m], at the output gear."""
         return float(np.min(self.flank_torques))
 
     @property
     def heat(self) -> float:
-        """Mean of xi1^2 + xi2^2 [N^2 m^2], to which the Joule heat is proportional."""
+        """Mean of xi1^2 + xi2^2 [N^2 m^2], proportional to the Joule heat."""
         return float(np.mean(np.sum(self.torques**2, axis=1)))
 
     @property
@@ -74,7 +74,7 @@ class ClosedLoopResult(Presented):
         return sum(status != "optimal" for status in self.status)
 
     def __repr__(self) -> str:
-        """How long it was, and what came of it, in one line."""
+        """Duration, tracking error and minimum contact torque, in one line."""
         _, length, _, newton = axis_quantities(self.axis)
         duration = f"{self.time.size} samples to {self.time[-1]:.4g} s"
         found = f"tracking error {self.tracking_rms:.3g} {length} rms"
@@ -92,16 +92,16 @@ def closed_loop(
     disturbance: ArrayLike = 0.0,
     after_sample: Callable[[], None] | None = None,
 ) -> ClosedLoopResult:
-    """Run a controller on the rig, from rest at the reference's first angle, the teeth pressed by the least preload.
+    """Run a controller on the test bench, from rest at the first angle of the reference, with the least preload.
 
     Args:
-        controller: it forgets first what it did before.
-        rig: the machine.
-        reference: wanted load angle [rad]: a function of time (M,) [s], or the samples, the last of them held.
+        controller: it is reset first.
+        rig: the test bench.
+        reference: wanted load angle [rad]: a function of time (M,) [s], or samples; the last one is held.
         duration: [s].
-        seed: of the encoder's noise.
-        disturbance: torque on the load that nobody told the controller [N m], a number or (T,).
-        after_sample: called after each, for those who want to know how far it is.
+        seed: of the encoder noise.
+        disturbance: torque on the load, unknown to the controller [N m], a number or (T,).
+        after_sample: called after each sample, to show the progress.
 
     Raises:
         BadParameter: a duration below one sample, or a reference that is not finite.

@@ -1,4 +1,4 @@
-"""The step of the controller as machine code: the stages as C functions, and the loops around them."""
+"""The compiled step of the controller: the stages as C functions, and the loops that call them."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from plant.machine_code import MachineCode
 
 Array = NDArray[np.float64]
 
-_MINIMUM = {  # as in C, where the other number counts if one is not a number, but without a call
+_MINIMUM = {  # same result as fmin and fmax of C (the other number if one is NaN), but without a library call
     "casadi_fmin": "static real casadi_fmin(real x, real y) { return x < y || y != y ? x : y; }",
     "casadi_fmax": "static real casadi_fmax(real x, real y) { return x > y || y != y ? x : y; }",
 }
 
 
 class CompiledStep:
-    """The whole step as one call.
+    """The whole step as one call of machine code.
 
     Attributes:
-        stages: the functions of CasADi, by name.
-        layout: the struct of the machine code.
+        stages: the CasADi functions, by name.
+        layout: the struct that the machine code works on.
         parts: see `parts`.
-        source: the C code that they make.
-        code: the library, once it is there.
-        compile_time: how long the compiler was waited for [s]; zero if the library was there already, or none came.
+        source: the C source.
+        code: the library, compiled in the background.
+        compile_time: time spent waiting for the compiler [s]; zero if the library was cached, or there is no compiler.
     """
 
     def __init__(self, functions: tuple[Any, ...], sizes: Mapping[str, int], arrays: Mapping[str, Array]) -> None:
@@ -43,11 +43,11 @@ class CompiledStep:
 
         Args:
             functions: the stages.
-            sizes: whole numbers of the controller.
-            arrays: everything else, to be shared with the machine code.
+            sizes: integer parameters of the controller.
+            arrays: all other data, shared with the machine code.
         """
         self.stages = {function.name(): function for function in functions}
-        self._arrays = dict(arrays)  # the machine code only knows where they are
+        self._arrays = dict(arrays)  # keeps them alive: the machine code has only their addresses
         fields = [(name, ctypes.c_int) for name in sizes] + [(name, ctypes.c_void_p) for name in arrays]
         layout: Any = type("Layout", (ctypes.Structure,), {"_fields_": fields})
         self.layout = layout(*sizes.values(), *(array.ctypes.data for array in arrays.values()))
@@ -68,7 +68,7 @@ class CompiledStep:
 
 
 def parts(functions: tuple[Any, ...]) -> dict[str, str]:
-    """What a library and a target's code are made of: the stages, how many numbers they take, the loops around them."""
+    """Parts of the C code of a library or a target: the stages, the sizes of their arguments, the loops around them."""
     generator = ca.CodeGenerator("stages.c")
     for function in functions:
         generator.add(function)
@@ -88,7 +88,7 @@ def _text(name: str) -> str:
 
 
 def _plain(code: str, functions: tuple[Any, ...]) -> str:
-    """CasADi's code without what serves its own tools: static functions of named arguments, and what they call."""
+    """CasADi's code without its interface: static functions with plain arguments, and the helpers that they call."""
     defined = r"^(?:static )?(casadi_real (casadi_\w+)\([^\n]*(?:\}\n|\{\n.*?^\}\n))"
     helpers = [(name, text) for text, name in re.findall(defined, code, re.M | re.S)]
     parts = []

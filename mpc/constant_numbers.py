@@ -1,4 +1,4 @@
-"""The numbers of a controller that stay as they are, by name, as its step reads them."""
+"""The constant arrays of a controller, by name, as its step reads them."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from mpc.tuning import quiet
 Array = NDArray[np.float64]
 
 _ASTRAY = 30.0
-"""Error at which a load does not follow, in standard deviations of the sensor, besides half of what the reference's
-acceleration moves within 1/w."""
+"""Permitted following error in standard deviations of the sensor. The path that the acceleration of the reference gives
+within 1/w, a t^2/2, is permitted in addition."""
 
 
 def constant_numbers(made: Any, machine: Array) -> dict[str, Array]:
-    """Of a `Controller` whose estimator and governor are there; `machine` is that of `mpc.split`."""
+    """The constants of a `Controller` that has its estimator and governor; `machine`: see `mpc.split.machine`."""
     P, greatest, wave = made._terminal_weight, made._greatest, 2 * np.pi * made.bandwidth
     noise, share = float(np.sqrt(made.estimator.levels[0])), made.bandwidth * made.sample_time
     others = [wave, made.governor.attainable, made.torque_rate * made.sample_time, _ASTRAY * noise, share]

@@ -40,7 +40,7 @@ from plant.simulation import whole_samples
 Array = NDArray[np.float64]
 
 _CHOSEN: Any = None
-"""Of what is left out and then chosen by `mpc.tuning`."""
+"""Default of an attribute that `mpc.tuning` chooses."""
 
 
 @dataclass(eq=False)
@@ -49,59 +49,60 @@ class Controller(Remembering):
 
         minimise    sum_k (x[k] - r[k])^2 + s sum_k ((tau[k] - tau[k-1])/Ts)^2 + (z[N] - r[N])' P (z[N] - r[N])
         subject to  the servo model with its effects and an estimated disturbance
-                    xi1[k] >= min_torque,  xi2[k] <= -min_torque,  |xi_i[k]| <= max_torque,  flank torques >= min_torque
-                    |tau[k] - tau[k-1]| <= torque_rate Ts,  and, at a price, angle_limits and speed_limit
+                    xi1[k] >= min_torque,  xi2[k] <= -min_torque,  |xi_i[k]| <= max_torque
+                    contact torque of each drive >= min_torque
+                    |tau[k] - tau[k-1]| <= torque_rate Ts,  and as soft limits angle_limits and speed_limit
 
-    The preload lambda moves nothing (equation 3), so tracking depends on the follower torque tau alone, and the least
-    effort at a given tau is the allocator's closed form. Torque and preload are therefore optimised one inside the
-    other: tau over the horizon within what the bounds on xi let it reach, lambda in closed form at each stage. Every
-    predicted pair of pinion torques satisfies the bounds.
+    The preload lambda gives no follower torque (equation 3), so tracking depends on the follower torque tau alone, and
+    the least effort at a given tau is the closed form of the allocator. The two optimisations are nested: tau over the
+    horizon within the range that the bounds on xi allow, and lambda in closed form at each stage. Every predicted pair
+    of pinion torques satisfies the bounds.
 
-    One quadratic program a sample: the model is linearised along the last solution, shifted (real-time iteration;
-    Diehl, Bock, Schloeder 2005); on request as many as it takes (sequential quadratic programming). s and P are those
-    of the rigid servo (`mpc.weights`); the torque at the end of the horizon is left free, because what the reference
-    needs later is not known.
+    One quadratic program is solved per sample: the model is linearised along the last solution, shifted by one sample
+    (real-time iteration; Diehl, Bock, Schloeder 2005). With `sqp_iterations` several are solved (sequential quadratic
+    programming). s and P are those of the rigid servo (`mpc.weights`). The torque at the end of the horizon has no
+    terminal cost, because the later reference is unknown.
 
-    The controller remembers: its estimate, its last solution, the torques under way. One object serves one machine. It
-    can be pickled, and goes on where it was.
+    The controller has a state: estimate, last solution, torques not yet effective. Use one object per machine. It can
+    be pickled with its state.
 
-    A reference that the torques cannot follow is approached in least time instead (`Governor`), because a horizon this
-    short cannot see how long it takes to brake; before a limit of the angle it brakes in time. Within the horizon these
-    limits are soft, with a penalty that is exact (`mpc.corridor.prices`): they hold wherever the torques can make them
-    hold, and never cost the bounds of the torques.
+    If the torques cannot follow the reference, a governed reference approaches it in least time (`Governor`), because
+    the braking time may be longer than the horizon; it also brakes in time before an angle limit. Within the horizon
+    these limits are soft with an exact penalty (`mpc.corridor.prices`): they hold whenever the torques can make them
+    hold, and they never violate the torque bounds.
 
-    Two things that a model may have learnt from its log do not hold here: the log's clock (`ServoModel.without_clock`),
-    and a tooth gap, for the preload never lets it open.
+    Two effects of an identified model are removed: the clock error of the log (`ServoModel.without_clock`), and
+    backlash, because the preload keeps contact.
 
     Attributes:
-        model: the servo, torques on the load; on a linear axis forces, and lengths [m] in place of angles.
-        gears: the drive train: a `GearTrain`, or `Ratios` of two drives, or of one, which has no preload to keep.
+        model: the servo, with torques on the load; on a linear axis with forces, and lengths [m] instead of angles.
+        gears: the drive train: a `GearTrain`, or `Ratios` of two drives or of one; a single drive has no preload.
         sample_time: Ts [s].
-        horizon: N, samples looked ahead; by default a quarter of a period of the bandwidth.
+        horizon: N in samples; by default a quarter of a period of the bandwidth, at least ten samples.
         min_torque, max_torque: bounds on each pinion torque [N m]; a number, or one for each drive, as the next two.
-        rotor_inertia: of each motor at its shaft [kg m^2]; zero leaves rotors out.
-        motor_friction: dry friction of each motor at its shaft [N m], counted against the flank in either sense.
-        bandwidth: w/(2 pi) [Hz]; by default what machine, sample time and encoder allow (`mpc.tuning`).
-        encoder_resolution: step of the load's encoder [rad].
+        rotor_inertia: of each motor at its shaft [kg m^2]; zero neglects the rotors.
+        motor_friction: dry friction of each motor at its shaft [N m], always subtracted from the contact torque.
+        bandwidth: w/(2 pi) [Hz]; by default chosen for machine, sample time and encoder (`mpc.tuning`).
+        encoder_resolution: step of the load encoder [rad].
         encoder_noise: standard deviation of its noise [rad].
-        encoder_range: angle after which the load's encoder begins again [rad], 2 pi of one that knows a single turn;
-            each reading is put on the turn that is nearest to the prediction. Zero if its readings go on. References
-            go on: 3.3 rad is not -2.98 rad.
-        torque_noise: what the model misses from sample to sample, standard deviation [N m].
-        disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)]; by default as the bandwidth wants it.
+        encoder_range: angle after which the load encoder wraps around [rad], 2 pi for a single-turn encoder; each
+            measurement is unwrapped to the turn nearest to the prediction. Zero if it counts over turns. References
+            are never wrapped: 3.3 rad is not -2.98 rad.
+        torque_noise: standard deviation of the torque error of the model, independent from sample to sample [N m].
+        disturbance_rate: rate of the random-walk disturbance [N m/sqrt(s)]; by default chosen to suit the bandwidth.
         motor_resolution: step of the encoders at the motor shafts [rad]; None if there are none.
-        motor_noise: standard deviation of what else they err by, teeth included, at the load [rad].
-        friction_std: standard error of the model's dry friction, as a share of it: so much of it is not compensated
-            until the load has shown it.
-        torque_rate: greatest change of the follower torque behind the drive [N m/s]. Where it takes longer than the
-            horizon from end to end, a big step overshoots.
-        preload_rate: greatest change of the preload, as torque on pinion 1 [N m/s]. Both rates yield to the bounds: the
-            preload falls slowly, and rises as soon as contact needs it.
-        angle_limits: lowest and highest angle of the load [rad], kept to within the noise of the sensor; a load that is
-            beyond returns smoothly.
-        speed_limit: greatest speed of the load [rad/s], likewise.
-        sqp_iterations: programs a sample at most; with more than one the model is linearised anew along each solution
-            until the torques change no more.
+        motor_noise: standard deviation of their other errors, gear errors included, at the load [rad].
+        friction_std: relative standard error of the model's dry friction; this part of it is not compensated until it
+            has been learnt from the motion of the load.
+        torque_rate: greatest rate of the follower torque at the drive output [N m/s]. If the change between the
+            torque limits takes longer than the horizon, a large step overshoots.
+        preload_rate: greatest rate of the preload, as torque on pinion 1 [N m/s]. The bounds have priority over both
+            rates: the preload falls slowly, and rises at once if contact requires it.
+        angle_limits: lowest and highest angle of the load [rad], kept within the sensor noise; a load outside returns
+            smoothly.
+        speed_limit: greatest speed of the load [rad/s], kept in the same way.
+        sqp_iterations: greatest number of programs per sample; with more than one the model is linearised again along
+            each solution until the torques converge.
 
     Raises:
         BadParameter: a number out of range, or a gear train on a linear axis.
@@ -138,7 +139,7 @@ class Controller(Remembering):
     _internal: ClassVar[frozenset[str]] = frozenset(("bounds", "governor", "estimator"))
 
     def __post_init__(self) -> None:
-        """Check every number, lay out what is remembered, and compile the step if there is a compiler."""
+        """Check every attribute, allocate the state, and compile the step if there is a compiler."""
         check(self)
         with computable(self):
             self._lay_out()
@@ -197,14 +198,14 @@ class Controller(Remembering):
         }
         preload_step = self.preload_rate * self.sample_time / (abs(float(self.gears.null_vector[0])) or 1.0)
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
-        self._answer = np.asarray(self._arrays["outcome"].base)  # and behind it torques and angles
+        self._answer = np.asarray(self._arrays["outcome"].base)  # outcome, torques and angles
         self._wanted, self._ahead, self._drives = self._arrays["wanted"], (self.horizon + 1,), self.gears.drives
         self._stages = Stages.of(behind, self.estimator, self.governor, self._rows)
         self._machine_code = CompiledStep(self._stages.every, self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
 
     def _tune(self) -> None:
-        """Choose what was left out."""
+        """Choose the attributes that were not given."""
         noise = max(float(np.hypot(self.encoder_resolution / np.sqrt(12.0), self.encoder_noise)), 1e-12)
         chosen = Tuning.of(
             self.model,
@@ -223,7 +224,7 @@ class Controller(Remembering):
         self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
-        """Everything that a step reads and writes, by name."""
+        """All arrays that a step reads and writes, by name."""
         remembered = {"kalman": self.estimator.kalman, "path": self.governor.path}
         n = len(self.estimator.predictor.model.states)
         watched = watched_of(n, self.estimator.motors is not None)
@@ -232,7 +233,7 @@ class Controller(Remembering):
         return constant_numbers(self, machine) | remembered
 
     def __repr__(self) -> str:
-        """The machine and the main numbers, in one line."""
+        """The machine and the main parameters, in one line."""
         effects = "".join(f" + {effect.title}" for effect in self.model.effects)
         numbers = f"sample_time={self.sample_time:g}, horizon={self.horizon}, bandwidth={self.bandwidth:.3g}"
         torques = f"min_torque={self.min_torque}, max_torque={self.max_torque}"
@@ -240,17 +241,17 @@ class Controller(Remembering):
 
     @cached_property
     def _interpreted(self) -> InterpretedStep:
-        """The step without machine code."""
+        """The step in the Python form, without machine code."""
         return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor, self._stages)
 
     @property
     def compiled(self) -> bool:
-        """Whether a step is machine code; without a compiler it takes ten times as long."""
+        """Whether a step runs as machine code; without a compiler it takes about ten times as long."""
         return self._step is not self.__dict__.get("_interpreted")
 
     @property
     def _plan(self) -> Array | None:
-        """(N,) torques behind the drive that were found last [N m], None if they were not certified."""
+        """(N,) last planned drive output torques [N m]; None if they were not certified."""
         plan = self._arrays["plan"]
         return plan[1:].copy() if plan[0] else None
 
@@ -265,13 +266,13 @@ class Controller(Remembering):
         """One sample: the measured angle in, the pinion torques out.
 
         Args:
-            angle: measured load angle [rad], going on over turns unless there is an `encoder_range`. If it is not a
-                number, the model's prediction stands in.
+            angle: measured load angle [rad], counted over turns unless there is an `encoder_range`. If it is NaN, the
+                prediction of the model is used.
             reference: wanted load angle [rad]: a number, or the (N + 1,) samples from now on.
             motor_angles: (m,) measured angles of the motor shafts [rad], for a controller with a `motor_resolution`;
-                those that are not numbers are left out.
-            elapsed: time since the last step [s], where it is not the sample time: of a loop that jitters or misses
-                cycles. After more than a horizon of them the estimate begins anew.
+                NaN is ignored.
+            elapsed: time since the last step [s] if it differs from the sample time, for a loop with jitter or missed
+                cycles. After more than a horizon the estimate is restarted.
 
         Raises:
             BadParameter: the reference or the motor angles have another shape, or the time is not above zero.

@@ -17,13 +17,13 @@ Array = NDArray[np.float64]
 
 
 class Remembering(Listed):
-    """A dataclass of numbers that is fixed once it is made, and arrays that go on changing.
+    """Base of `Controller`: attributes fixed after construction, and arrays with the changing state.
 
     Attributes:
-        _arrays: everything that a step reads and writes, by name.
-        _remembered: of them what says what happened, not what was made.
-        _left_out: numbers that were not given but chosen.
-        _step: what makes a step, the last that is set.
+        _arrays: all arrays that a step reads and writes, by name.
+        _remembered: names of the arrays that hold the state, not constants.
+        _left_out: names of the attributes that were chosen automatically.
+        _step: the function of a step; it is set last.
     """
 
     _arrays: dict[str, Array]
@@ -31,7 +31,7 @@ class Remembering(Listed):
     _left_out: tuple[str, ...]
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Refuse a change: everything follows from the attributes, so none may change alone."""
+        """Refuse to change a public attribute: all constants are computed from the attributes."""
         if "_step" in self.__dict__ and not name.startswith("_"):
             raise FrozenInstanceError(
                 f"a Controller is fixed when it is made, so {name} cannot be set; controller.with_({name}=...) gives "
@@ -40,25 +40,25 @@ class Remembering(Listed):
         super().__setattr__(name, value)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """How it was made, and what it remembers; the machine code is found again."""
+        """Arguments of the constructor and all arrays; the machine code is loaded from the cache again."""
         return partial(type(self), **self._made), (), {name: array.copy() for name, array in self._arrays.items()}
 
     def __setstate__(self, remembered: dict[str, Array]) -> None:
-        """Go on from there."""
+        """Restore the arrays."""
         for name, array in remembered.items():
             self._arrays[name][:] = array
 
     def with_(self, **changes: Any) -> Self:
-        """A controller with some attributes changed that goes on from here: same estimate, same plan, no bump.
+        """A controller with changed attributes that continues bumplessly: same estimate, same plan.
 
-        What was left out is chosen anew. Where the model changes, the torque that nobody knows is chosen so that the
-        load accelerates as before. This one is left as it is; let only one of both go on.
+        Attributes that were not given are chosen again. If the model changes, the disturbance is chosen so that the
+        acceleration of the load stays the same. The present controller does not change; continue with only one of both.
 
         Args:
             changes: attributes by name, such as `max_torque=0.2` or `model=better`.
 
         Raises:
-            BadParameter: there is no such attribute, or a value that it cannot have.
+            BadParameter: an unknown attribute, or an invalid value.
         """
         made = self._made
         if unknown := sorted(set(changes) - set(made)):
@@ -68,19 +68,19 @@ class Remembering(Listed):
         return new
 
     def reset(self) -> None:
-        """Forget everything: the next reading begins anew, at rest."""
+        """Reset the state: the next measurement starts a new estimate, at rest."""
         for name in self._remembered:
             self._arrays[name][:] = 0.0
 
     @property
     def _made(self) -> dict[str, Any]:
-        """The attributes that it was made with."""
+        """The arguments of the constructor, by name."""
         itself: Any = self
         return {each.name: getattr(self, each.name) for each in fields(itself) if each.init}
 
     @property
     def _running(self) -> Running:
-        """What of it goes on in another."""
+        """The parts that are transferred to another controller."""
         itself: Any = self
         return Running(
             model=itself.model,

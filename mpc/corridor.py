@@ -1,4 +1,4 @@
-"""Soft limits of angle and speed: the corridor that the horizon has, and what it costs to leave it."""
+"""Soft limits of angle and speed: the permitted intervals over the horizon, and the penalty for leaving them."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from plant.errors import BadParameter
 Array = NDArray[np.float64]
 
 SOFT = 8
-"""Numbers of the limits, see `SoftLimits.numbers`."""
+"""Length of `SoftLimits.numbers`."""
 
 _DEARER = 10.0
-"""By how much leaving the corridor costs more than what it could spare."""
+"""Factor of the penalty over the largest multiplier of the program with hard limits."""
 
 _SHOWS = 10.0
-"""A limit is reported as broken from so many standard deviations of the sensor on."""
+"""A limit is reported as violated from this number of standard deviations of the sensor on."""
 
 _CALM = 0.25
-"""Share of that at which a load may pass a limit, so that noise in its speed does not shake the torques there: by a
-standard deviation of the sensor."""
+"""Share of the reported speed excess at which a load may still cross a limit, so that noise of its speed does not act
+on the torques there: it overshoots by about a standard deviation of the sensor."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SoftLimits:
-    """Limits that are kept wherever the torques can keep them.
+    """Limits that hold whenever the torques can make them hold.
 
     Attributes:
         angle: lowest and highest angle of the load [rad].
-        speed: greatest speed of the load [rad/s], in either sense.
+        speed: greatest speed of the load [rad/s], in both directions.
     """
 
     angle: tuple[float, float] = (-np.inf, np.inf)
@@ -50,11 +50,11 @@ class SoftLimits:
 
     @property
     def any(self) -> bool:
-        """Whether there are limits at all."""
+        """Whether there is any limit."""
         return bool(np.isfinite([*self.angle, self.speed]).any())
 
     def numbers(self, wave: float, sample_time: float, noise: float) -> Array:
-        """(8,) limits, by what share an excess fades in a sample, the loop's rate w [1/s], what counts as broken, inf.
+        """(8,) limits, decay factor of an excess per sample, rate w [1/s], reported excess of angle and speed, inf.
 
         Args:
             wave: w, 2 pi times the bandwidth of the loop.
@@ -66,18 +66,18 @@ class SoftLimits:
 
 
 def moved(inertia: float, sample_time: float) -> Array:
-    """(4,) by how much 1 N m moves in a sample what has an interval: torque, its change, angle and speed."""
+    """(4,) effect of 1 N m during a sample on each constrained quantity: torque, its change, angle and speed."""
     return np.array([1.0, 1.0, sample_time**2 / (2 * inertia), sample_time / inertia])
 
 
 def prices(rate_weight: float, greatest: float, inertia: float, sample_time: float) -> Array:
-    """(4,) of leaving an interval by 1 N m, 1 rad or 1 rad/s; those of the torque and its change cannot be left.
+    """(4,) penalty for leaving an interval by 1 N m, 1 rad or 1 rad/s; infinite (hard) for torque and its change.
 
-    A penalty by the distance itself is exact if its price is above every multiplier of the program with hard limits
-    (Kerrigan and Maciejowski, "Soft constraints and exact penalty functions in model predictive control", 2000). What
-    holds a load at a limit is a change of torque. The dearest is one from end to end of the reach, 2 tau, in the first
-    sample, which moves the angle by 2 tau m: it costs w (2 tau) per newton metre, w (2 tau)/m per radian. The price is
-    ten times that.
+    A penalty linear in the violation is exact if its weight is above every multiplier of the program with hard limits
+    (Kerrigan and Maciejowski, "Soft constraints and exact penalty functions in model predictive control", 2000). A
+    change of torque holds the load at a limit. The most expensive one is over the whole torque range, 2 tau, in the
+    first sample, and moves the angle by 2 tau m: its cost is w (2 tau) per newton metre, w (2 tau)/m per radian. The
+    penalty is ten times that.
     """
     angle, speed = _DEARER * 2 * greatest * rate_weight / moved(inertia, sample_time)[2:]
     return np.array([np.inf, np.inf, angle, speed])
@@ -85,10 +85,10 @@ def prices(rate_weight: float, greatest: float, inertia: float, sample_time: flo
 
 @cache
 def enter() -> Any:
-    """What is beyond the limits now, as a `casadi.Function`.
+    """The present excess over the limits, as a `casadi.Function`.
 
-    (angle and speed (2,), limits) -> memory (8,) for `corridor`: time, share that is left, and by what angle, rate of
-    angle and speed the load is beyond the upper and the lower limits.
+    (angle and speed (2,), limits) -> memory (8,) for `corridor`: time, remaining share of the excess, and for the upper
+    and the lower limits the excess of the angle, its rate term and the excess of the speed.
     """
     state, soft = ca.SX.sym("state", 2), ca.SX.sym("soft", SOFT)
     memory: list[Any] = [0, 1]
@@ -102,12 +102,12 @@ def enter() -> Any:
 
 @cache
 def corridor() -> Any:
-    """The corridor one sample on, as a `casadi.Function`.
+    """The permitted intervals at the next sample, as a `casadi.Function`.
 
-    (memory (8,), governed angle now, next and behind that (3,), limits, sample time) -> memory, lowest and highest
-    angle, least and greatest speed (4,) at the next sample. What is beyond it now fades as (x + (x' + w x) t) e^(-w t),
-    critically damped, at the rate of the loop: if it had to be back at once, noise would shake the torques. Where the
-    governed reference itself is still on its way back to a limit, to follow it is all that is asked.
+    (memory (8,), governed angle at this sample and the next two (3,), limits, sample time) -> memory, lowest and
+    highest angle, least and greatest speed (4,) at the next sample. A present excess decays as
+    (x + (x' + w x) t) e^(-w t), critically damped at the rate of the loop: an immediate return would pass noise to the
+    torques. Where the governed reference itself is still returning to a limit, that limit is not enforced.
     """
     memory, ahead = ca.SX.sym("memory", 8), ca.SX.sym("ahead", 3)
     soft, dt = ca.SX.sym("soft", SOFT), ca.SX.sym("dt")

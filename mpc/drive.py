@@ -1,4 +1,4 @@
-"""The inverse of the drive: what to command so that a wanted torque comes out."""
+"""The inverse of the drive: the command that gives a wanted output torque."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from plant.servo import ServoModel
 
 @dataclass(frozen=True, kw_only=True)
 class DriveInverse:
-    """Plan with the torque that the drive puts out, and command what it takes.
+    """Plan with the output torque e of the drive, and compute the command from it.
 
         e = h(clip(tau, -limit, limit) - k_e v)        (h: dead zone, eq. 6 of the paper)
 
-    Inside a dead zone the torque does nothing, and beyond a limit no more than at it, so a linearisation there sees no
-    way to move; in e the servo is smooth. The command jumps by twice the half width where the wanted torque changes
-    sign; a ramp over a tenth of the half width keeps noise from making it chatter.
+    Inside the dead zone and beyond the limit the torque has zero gradient, so a linearisation in tau finds no
+    direction to move; in e the servo is smooth. The command jumps by twice the half width where the wanted torque
+    changes sign; a ramp over a tenth of the half width on each side prevents chattering due to noise.
 
-    Numbers, arrays that broadcast, or expressions.
+    All values may be numbers, arrays that broadcast, or expressions.
 
     Attributes:
-        half_width: gamma [N m]; zero is no dead zone.
-        back_emf: k_e, torque lost per speed [N m s/rad].
-        limit: largest torque that the drive gives [N m].
+        half_width: gamma [N m]; zero: no dead zone.
+        back_emf: k_e, torque loss per speed [N m s/rad].
+        limit: largest torque of the drive [N m].
     """
 
     half_width: Any = 0.0
@@ -36,7 +36,7 @@ class DriveInverse:
 
     @classmethod
     def of(cls, model: ServoModel) -> tuple[DriveInverse, ServoModel]:
-        """The inverse for a model, and the model behind it: what the planned torque moves."""
+        """The inverse for a model, and the rest of the model, with the drive output torque as its input."""
         known: dict[str, float] = {}
         for effect in model.effects:
             match effect:
@@ -52,17 +52,17 @@ class DriveInverse:
         return cls(**known), model
 
     def effective(self, torque: Any, velocity: Any = 0.0) -> Any:
-        """The torque behind the drive [N m] at a velocity of the load [rad/s]."""
+        """The drive output torque [N m] for a command at a velocity of the load [rad/s]."""
         left = clip(torque, -self.limit, self.limit) - self.back_emf * velocity
         return left - clip(left, -self.half_width, self.half_width)
 
     def command(self, effective: Any, velocity: Any = 0.0) -> Any:
-        """The torque to command for a torque behind the drive [N m] at a velocity [rad/s]."""
+        """The command for a drive output torque [N m] at a velocity of the load [rad/s]."""
         return effective + clip(10.0 * effective, -self.half_width, self.half_width) + self.back_emf * velocity
 
 
 def clip(value: Any, least: Any, greatest: Any) -> Any:
-    """A number, an array or an expression, moved into an interval."""
+    """A number, an array or an expression, clipped to an interval."""
     if isinstance(value, ca.SX):
         return ca.fmax(ca.fmin(value, greatest), least)
     return np.clip(value, least, greatest)

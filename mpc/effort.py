@@ -1,7 +1,7 @@
-"""What a step costs on the target: floating-point operations, counted from the code, and an estimate of the time.
+"""Cost of a step on the target: floating-point operations, counted from the code, and an estimate of the time.
 
-Every loop of step.c and solve.c has a bound, so the worst case is a sum: how often each stage runs, times its
-operations. The stages are counted in the expressions they are written from, the loops around them by reading.
+Every loop of step.c and solve.c is bounded, so the worst case is the sum over the stages of number of calls times
+operations. The operations of a stage are counted in its CasADi expressions, those of the loops by hand.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ class Effort:
     """Floating-point operations.
 
     Attributes:
-        simple: sums, products, comparisons and the like.
-        divisions: and square roots.
-        functions: sines, exponentials and other calls into the mathematical library.
+        simple: sums, products, comparisons and similar operations.
+        divisions: divisions and square roots.
+        functions: sines, exponentials and other calls of the mathematical library.
     """
 
     simple: int = 0
@@ -38,38 +38,38 @@ class Effort:
     functions: int = 0
 
     def __add__(self, other: Effort) -> Effort:
-        """Both, one after the other."""
+        """Sum of the operations of both."""
         return Effort(self.simple + other.simple, self.divisions + other.divisions, self.functions + other.functions)
 
     def __mul__(self, times: int) -> Effort:
-        """So many times."""
+        """The operations of `times` repetitions."""
         return Effort(self.simple * times, self.divisions * times, self.functions * times)
 
     @property
     def total(self) -> int:
-        """All of them."""
+        """Number of all operations."""
         return self.simple + self.divisions + self.functions
 
     def cycles(self, costs: Effort) -> int:
-        """Of a processor on which each kind costs so many."""
+        """Processor cycles, for given cycles per operation of each kind."""
         pairs = ((self.simple, costs.simple), (self.divisions, costs.divisions), (self.functions, costs.functions))
         return sum(count * cost for count, cost in pairs)
 
 
 CORTEX_M7 = {"single": Effort(4, 18, 150), "double": Effort(9, 35, 500)}
-"""Cycles of each kind of operation on a Cortex-M7 with the unit for both precisions, loads and stores included."""
+"""Cycles per operation on a Cortex-M7 with a floating-point unit for both precisions, loads and stores included."""
 
-# The loops' own operations, by reading solve.c and step.c: of each stage of the horizon, once a pass or once a round.
+# Operations of the loops in solve.c and step.c, counted by hand: for each stage of the horizon, per pass or per round.
 _LINEARISE, _RESIDUAL, _CENTRAL, _AHEAD = Effort(40, 1), Effort(8, 1), Effort(9), Effort(16, 1)
-_FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(54, 15)  # of other intervals, and of each end of an interval
-_PRESSING = Effort(24, 3)  # of each other interval in a round of the active set
+_FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(54, 15)  # of the other intervals; _END of each interval end
+_PRESSING = Effort(24, 3)  # of each interval other than the torque's, in a round of the active set
 
 
-_FRAMES = 5632  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
+_FRAMES = 5632  # bytes: pointers and arrays of all functions together, saved registers, the mathematical library
 
 
 def of(function: Any) -> Effort:
-    """One call of a stage."""
+    """Operations of one call of a stage."""
     kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
     moves = sum(kind in _MOVES for kind in kinds)
     divisions, simple = sum(kind in _DIVISIONS for kind in kinds), sum(kind in _SIMPLE for kind in kinds)
@@ -77,13 +77,13 @@ def of(function: Any) -> Effort:
 
 
 def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool) -> dict[str, int]:
-    """How often each stage runs in one step: at most, or usually, when two sweeps find the bounds that are active."""
+    """Number of calls of each stage in one step: at most, or usually, when two sweeps find the active bounds."""
     N, passes = sizes["horizon"], sizes["passes"]
     sweeps, certificates = _sweeps(functions, sizes, worst), 2 if worst else 1
     once = {"watch": 1, "estimate": 1 + N * worst, "begin": int(worst)}  # at most for a horizon of missed samples
     once |= {"preview": 1, "jump": N - 1, "early": int(worst), "followable": 1, "hurry": 1, "govern": N + 1}
     once |= {"learn": 1, "rub": N, "demand": N + 1, "ease": 3 * N, "split": N}
-    courses = sweeps + 2 * worst  # the interior point method follows its first and its last torques
+    courses = sweeps + 2 * worst  # the interior point method simulates its first and its last torques
     each = {"stage": sizes["late"] + N, "reach": N, "backward": N * sweeps, "forward": N * courses}
     if rows(functions) > 1:
         each |= {"enter": 1, "corridor": N}
@@ -91,7 +91,7 @@ def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool
 
 
 def of_step(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool) -> Effort:
-    """One step, at most or usually."""
+    """Operations of one step, at most or usually."""
     N, passes, rounds = sizes["horizon"], sizes["passes"], sizes["rounds"] + 1 if worst else 0
     linearise, residual, fenced = _LINEARISE, _RESIDUAL, rows(functions) > 1
     if fenced:
@@ -105,7 +105,7 @@ def of_step(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bo
 
 
 def rows(functions: Mapping[str, Any]) -> int:
-    """How many numbers of a stage have an interval."""
+    """Number of constrained quantities of a stage."""
     return int(functions["backward"].size1_in(6)) // 2
 
 
@@ -115,19 +115,19 @@ def tries(functions: Mapping[str, Any], sizes: Mapping[str, int]) -> int:
 
 
 def again(functions: Mapping[str, Any], sizes: Mapping[str, int]) -> int:
-    """Rounds of the active set behind the interior point method, final where there are more intervals."""
+    """Rounds of the active set after the interior point method; zero with more intervals, where that one is final."""
     return sizes["rounds"] if rows(functions) == 1 else 0
 
 
 def _sweeps(functions: Mapping[str, Any], sizes: Mapping[str, int], worst: bool) -> int:
-    """The active set, the interior point with its start, the active set again, and the plan if all of that failed."""
+    """Worst case: active set, interior point with its start, active set again, and the fallback plan. Usual: two."""
     rounds = sizes["rounds"]
     return tries(functions, sizes) + (1 + rounds) + again(functions, sizes) + 1 if worst else 2
 
 
 def stack(functions: Mapping[str, Any], number: int) -> int:
-    """Bytes of stack of a step at most, for numbers of so many bytes: temporaries of all stages, and what they find."""
+    """Upper bound of the stack of a step [bytes], for numbers of `number` bytes: temporaries and results of stages."""
     temporaries: int = sum(function.sz_w() for function in functions.values())
     kalman, watched = functions["estimate"].size1_in(0), functions["watch"].size1_in(2)
-    memories: int = 3 * kalman + watched  # each is found beside the one that it replaces
+    memories: int = 3 * kalman + watched  # a new state is stored separately from the one that it replaces
     return number * (temporaries + memories) + _FRAMES

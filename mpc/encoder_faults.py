@@ -1,16 +1,16 @@
-"""Whether the sensors can be believed: an encoder that stands still while the load moves, or leaves the others.
+"""Detection of encoder faults: an encoder that is frozen while the load moves, or contradicts the others.
 
-A reading that is a number but no measurement (a cable, a frozen value on a bus) is worse than none: the load seems to
-stand whatever the torque, and the torque rises until something stops it. Three things cannot be.
+A wrong but finite value (broken cable, frozen value on a bus) is more dangerous than a missing one: the load seems to
+stand still at any torque, and the torque rises. Each of these observations counts as a fault:
 
-- The load's reading is the same to the last bit, while the load was moving too fast to be stopped so soon by a friction
-  as strong as the drives against them.
-- It is the same to the last bit under the full torque for eight samples, and for so long that even a load that has
-  four fifths of that torque in friction would be seen to move.
-- Over eight samples, or since it is the same to the last bit, it has gone another way than both motors, which agree;
-  or these stand still to the last bit while the load goes.
+- The measurement of the load is constant to the last bit, although the load was too fast to be stopped in that time by
+  the full torque and an equally large friction together.
+- It is constant to the last bit under the full torque for eight samples, and for so long that even a load with a
+  friction of four fifths of that torque would visibly move.
+- Over eight samples, or since it has been constant to the last bit, the load encoder has moved by another angle than
+  both motors, and these agree; or the motor encoders are constant to the last bit while the load encoder moves.
 
-What is contradicted is left out like a reading that is missing, until it changes again and agrees with the motors.
+A faulty measurement is treated as missing until it changes again and agrees with the motors.
 """
 
 from __future__ import annotations
@@ -30,40 +30,40 @@ Array = NDArray[np.float64]
 WINDOW = 8
 """Samples over which encoders are compared, and for which the full torque has to act."""
 
-_FREE = 2 * WINDOW  # samples for which the model runs free beside a reading that stands, and longer under torque
-_FULL, _SOME = 0.9, 0.5  # of the greatest torque: what counts as full, and as torque at all
-_STUCK = 0.8  # of the greatest torque: friction beyond which a load counts as jammed
-_SANE = 4.0  # of that torque, what acts and what nobody knows together
+_FREE = 2 * WINDOW  # samples of free simulation while the measurement is constant; more under torque
+_FULL, _SOME = 0.9, 0.5  # shares of the greatest torque: full torque, and torque that extends the free simulation
+_STUCK = 0.8  # of the greatest torque: friction above which a load counts as jammed
+_SANE = 4.0  # of that torque: limit of acting torque plus disturbance for a valid memory
 _CLEAR = 10.0  # standard deviations
-_SOON = 0.8  # of them, so that the filter does not begin anew before
+_SOON = 0.8  # share of _CLEAR, so that the fault is detected before the filter restarts
 
 _NUMBERS = ("turn", "tolerance", "noticed", "near", "apart", "beside", "brake", "greatest", "ratio_1", "ratio_2")
 WATCHING = len(_NUMBERS)
-"""Numbers of the watch, see `numbers`."""
+"""Number of parameters of the fault detection, see `numbers`."""
 
-_OWN = ("last", "same", "pushed", "doubted")  # what is remembered beside the free model and the histories
+_OWN = ("last", "same", "pushed", "doubted")  # memory besides the free simulation and the histories
 
 
 def watched_of(n: int, motors: bool) -> int:
-    """How many numbers are remembered for n states, see `watch`."""
+    """Size of the memory for n states, see `watch`."""
     return len(_OWN) + n + 1 + 4 * (WINDOW + 1) * motors
 
 
 def numbers(estimator: Estimator, turn: float, greatest: float, brake: float, *, held: bool) -> Array:
-    """(WATCHING,) numbers of the watch.
+    """(WATCHING,) parameters of the fault detection.
 
     Args:
-        estimator: of the encoders that are watched.
-        turn: angle after which the load's encoder begins again [rad], zero if it never does.
-        greatest: torque on the load [N m].
-        brake: greatest acceleration that stops a load [rad/s^2].
-        held: whether a preload holds load and motors together; else a motor says nothing of the load.
+        estimator: of the encoders that are checked.
+        turn: angle after which the load encoder wraps around [rad]; zero if it does not.
+        greatest: greatest torque on the load [N m].
+        brake: greatest deceleration of the load [rad/s^2].
+        held: whether a preload couples load and motors; otherwise the motors give no information about the load.
     """
     variance, resolution, motors = float(estimator.levels[0]), estimator.resolution, estimator.motors
     motor_variance, ratios = (max(motors.levels[:2]), motors.ratios) if motors else (0.0, (1.0, 1.0))
     tolerance = resolution + _CLEAR * np.sqrt(variance)
     apart = resolution + _CLEAR * np.sqrt(2 * (variance + motor_variance))
-    beside = resolution + _CLEAR * np.sqrt(2 * motor_variance)  # a load that stands
+    beside = resolution + _CLEAR * np.sqrt(2 * motor_variance)  # for a constant measurement of the load
     noticed = _SOON * _CLEAR * np.sqrt(variance)
     near = apart if held else 0.0
     apart, beside = (apart, beside) if held else (np.inf, np.inf)
@@ -72,16 +72,16 @@ def numbers(estimator: Estimator, turn: float, greatest: float, brake: float, *,
 
 
 def watch(predictor: Predictor, motors: bool) -> Any:
-    """One sample of the watch, as a `casadi.Function`, before that of the filter.
+    """One sample of the fault detection, as a `casadi.Function`, before that of the filter.
 
-    (state of the filter, readings, what was remembered, torques since the last sample and before without friction and
-    the whole one (3,), parameters, numbers) -> that state, reading on its turn, what is remembered, whether the load's
-    encoder is contradicted, and whether the motors' are.
+    (state of the filter, measurements, memory, [net torque since the last sample, net torque before, total torque since
+    the last sample], parameters, numbers) -> state of the filter, unwrapped measurement, memory, whether the load
+    encoder is faulty, whether the motor encoders are. The net torque excludes the friction compensation.
 
-    Remembered are the last reading, for how many samples it has been the same, and for how many of them under the full
-    torque; whether it is contradicted; state and disturbance of the model that runs free since then; and, where there
-    are motors, what each encoder and the twist between load and motor were when the reading was last another one, and
-    over the last samples.
+    The memory has the last measurement, the number of samples for which it has been constant, and how many of them in
+    a row under the full torque; whether it is faulty; state and disturbance of the free simulation since then; and with
+    motor encoders the history of all encoders and of the twist: at the last change of the measurement, and over the
+    last samples.
     """
     model, n = predictor.model, len(predictor.model.states)
     kalman, readings = kalman_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors)
@@ -92,22 +92,22 @@ def watch(predictor: Predictor, motors: bool) -> Any:
     raw, known, z, d = readings[0], kalman[0], kalman[3 : 3 + n], kalman[2]
 
     def seen(state: Any, torque: Any) -> tuple[Any, Any]:
-        """The next state of the model, and what the encoder shows then."""
+        """The next state of the model, and the predicted measurement."""
         ahead = predictor.stage(state, acted[:2] + torque, p)[0]
         return ahead, predictor.sensor(ahead, p)[0]
 
-    # On the turn that is nearest to the prediction.
+    # Unwrap to the turn nearest to the prediction.
     predicted, expected = seen(z, d)
     turns = ca.floor((expected - raw) / turn + 0.5)
     angle = raw + ca.if_else(ca.logic_and(ca.logic_and(known, turn > 0), finite(turns)), turn * turns, 0)
 
-    # A model that runs free from the estimate of when the reading was last another one.
+    # Free simulation from the estimate at the last change of the measurement.
     whole = ca.fabs(acted[2])
     goes_on = ca.logic_and(same > 0, ca.logic_or(same <= _FREE, whole >= _SOME * greatest))
     free, free_d = ca.if_else(goes_on, watched[4 : 4 + n], z), ca.if_else(goes_on, watched[4 + n], d)
     ahead, shown = seen(free, free_d)
     stands = ca.logic_and(known, raw == last)
-    sane = ca.fabs(acted[0]) + ca.fabs(free_d) <= _SANE * greatest  # else it is the memory that cannot be believed
+    sane = ca.fabs(acted[0]) + ca.fabs(free_d) <= _SANE * greatest  # otherwise the memory is invalid
     sane = ca.logic_and(ca.logic_and(sane, finite(ahead)), ca.logic_or(goes_on, kalman[1] == 0))
     same = ca.if_else(ca.logic_and(stands, sane), same + 1, 0)
     pushed = ca.if_else(ca.logic_and(stands, whole >= _FULL * greatest), pushed + 1, 0)
@@ -122,7 +122,7 @@ def watch(predictor: Predictor, motors: bool) -> Any:
         now = ca.vertcat(angle, *(-readings[1 + i] / own[8 + i] for i in range(2)), z[motor_place(model)] - z[0])
         before = ca.reshape(watched[5 + n :], 4, WINDOW + 1)
         before = ca.if_else(known, before, ca.repmat(now, 1, WINDOW + 1))
-        begun = ca.if_else(stands, before[:, 0], now)  # when the reading of the load was last another one
+        begun = ca.if_else(stands, before[:, 0], now)  # at the last change of the load measurement
         bent = ca.fabs(now - 2 * before[:, 1 + WINDOW // 2] + before[:, 1])
         leaves, rest = _compared(now - before[:, 1], apart, bent)
         place = predicted[motor_place(model)]
@@ -142,9 +142,9 @@ def watch(predictor: Predictor, motors: bool) -> Any:
 
 
 def _compared(moved: Any, apart: Any, soft: Any) -> tuple[Any, Any]:
-    """Whether the load's encoder leaves the motors', and whether it is these that stand, from what each has moved (4,).
+    """Whether load and motor encoders disagree, and whether the motor encoders are frozen, from their motions (4,).
 
-    A drivetrain that is softer than the model says lets a motor go ahead where it sets out; it may by `soft` (4,).
+    In a drivetrain softer than the model a motor may lead when it accelerates, by up to `soft` (4,).
     """
     load, *motors, twist = ca.vertsplit(moved)
     heard = [finite(motor) for motor in motors]

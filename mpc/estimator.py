@@ -1,4 +1,4 @@
-"""What the controller believes: the state of the servo and a slowly changing torque that the model does not know."""
+"""State estimation: the state of the servo and a slowly changing disturbance torque."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from plant.errors import BadParameter
 Array = NDArray[np.float64]
 
 NO_ANGLES = (float("nan"), float("nan"))
-"""Motors that show nothing."""
+"""No measurement of the motor angles."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotorEncoders:
     """Encoders at the two motor shafts.
 
-    While the teeth stay together a motor turns with the load, -ratio (x + offset); the offset is found, and may wander
-    by what the teeth err.
+    While contact is kept, a motor turns with the load, -ratio (x + offset). The offset is estimated as a random walk,
+    which follows the gear errors.
 
     Attributes:
         ratios: turns of each motor for one of the load.
         resolution: step [rad], at the shaft.
-        noise: standard deviation beside it [rad], at the load.
-        wander: of the offsets [rad/sqrt(s)].
+        noise: standard deviation besides the steps [rad], at the load.
+        wander: rate of the random walk of the offsets [rad/sqrt(s)].
     """
 
     ratios: tuple[float, float]
@@ -43,7 +43,7 @@ class MotorEncoders:
 
     @classmethod
     def of(cls, gears: DriveTrain, resolution: float | None, noise: float) -> Self | None:
-        """Those of a drive train, none without a resolution; a single motor counts as a pair."""
+        """Encoders of a drive train, None without a resolution; a single motor is treated as a pair."""
         if resolution is None:
             return None
         turns = np.copysign(gears.motor_ratios, -gears.angle_map).tolist()
@@ -61,32 +61,32 @@ class MotorEncoders:
 
     @property
     def levels(self) -> list[float]:
-        """Variance of each at the load [rad^2], wander, and the ratios."""
+        """Variance of each at the load [rad^2], rate of the random walk, and the ratios."""
         return [*((self.resolution / r) ** 2 / 12 + self.noise**2 for r in self.ratios), self.wander, *self.ratios]
 
 
 @dataclass(eq=False, kw_only=True)
 class Estimator:
-    """Extended Kalman filter on the servo model with a disturbing torque d as a further state.
+    """Extended Kalman filter on the servo model with a disturbance torque d as a further state.
 
         z[k+1] = step(z[k], tau[k] + d[k], tau[k-1] + d[k]) + w,    d[k+1] = d[k] + v,    y[k] = reading(z[k]) + e
 
-    The disturbance is what removes the steady error under a torque that the model does not have (offset-free control,
-    Pannocchia and Rawlings 2003). The sensor's steps count as noise of variance resolution^2/12. Readings of
-    encoders at the motors, where there are any, are added one after the other.
+    The disturbance removes the steady-state error due to unmodelled torques (offset-free control, Pannocchia and
+    Rawlings 2003). The steps of the sensor count as noise of variance resolution^2/12. Measurements of motor
+    encoders, if any, are processed one after the other.
 
     Attributes:
         predictor: the sampled model.
         resolution: step of the sensor [rad].
-        noise: standard deviation of the sensor beside its steps [rad].
-        torque_noise: standard deviation of what the model misses from sample to sample [N m].
-        disturbance_rate: how fast the disturbance may wander [N m/sqrt(s)].
+        noise: standard deviation of the sensor besides its steps [rad].
+        torque_noise: standard deviation of the torque error of the model, independent from sample to sample [N m].
+        disturbance_rate: rate of the random-walk disturbance [N m/sqrt(s)].
         motors: encoders at the motors, None if there are none.
-        acting: parameters of the predictor with the time since the last sample, which need not be that of all samples.
-        surprise: by how much an unknown torque may move the load before the filter knows it [rad].
-        kalman: state of the filter: whether there is an estimate, wild readings in a row, d, state (n,), offsets of
+        acting: parameters of the predictor with the actual time since the last sample.
+        surprise: angle by which an unknown torque may move the load before the filter has estimated it [rad].
+        kalman: state of the filter: whether there is an estimate, outliers in a row, d, state (n,), offsets of
             the motors, and the upper triangle of the covariance of state, d and offsets, column by column.
-        levels: variance of the sensor, torque_noise, disturbance_rate, surprise, and those of the motors.
+        levels: variance of the sensor, torque_noise, disturbance_rate, surprise, and the levels of the motors.
     """
 
     predictor: Predictor
@@ -116,7 +116,7 @@ class Estimator:
 
     @property
     def state(self) -> Array | None:
-        """(n,) state; None before the first reading."""
+        """(n,) state; None before the first measurement."""
         n = len(self.predictor.model.states)
         return self.kalman[3 : 3 + n].copy() if self.kalman[0] else None
 
@@ -136,7 +136,7 @@ class Estimator:
         self.kalman[2] = torque
 
     def start(self, reading: float, torque: float, motor_angles: tuple[float, float] = NO_ANGLES) -> None:
-        """Begin anew at rest at a reading [rad], with actuators settled at a torque [N m] and no disturbance."""
+        """Restart at rest from a measurement [rad], with actuators settled at a torque [N m] and no disturbance."""
         begin = self._begin
         begin.inputs[0][:] = (reading, *motor_angles) if self.motors else (reading,)
         begin.inputs[1][0] = torque
@@ -146,10 +146,10 @@ class Estimator:
     def advance(
         self, reading: float, torque: float, previous_torque: float, motor_angles: tuple[float, float] = NO_ANGLES
     ) -> str:
-        """One sample on: the torque that acted since [N m] and the one before it, then the new readings [rad].
+        """Predict a sample by the torque since the last one and the one before [N m], correct by measurements [rad].
 
         Returns:
-            An empty string, or what went wrong.
+            The problem in words, or an empty string.
         """
         return sentence(self.update(reading, torque, previous_torque, motor_angles))
 
@@ -161,7 +161,7 @@ class Estimator:
         motor_angles: tuple[float, float] = NO_ANGLES,
         deaf: float = 0.0,
     ) -> int:
-        """As `advance`, but what went wrong as a number, see `Trouble`; an innovation within `deaf` [rad] is none."""
+        """As `advance`, but returns a `Trouble` number; `deaf` is a dead band of the innovation [rad]."""
         estimate = self._estimate
         estimate.inputs[1][:] = (reading, *motor_angles) if self.motors else (reading,)
         estimate.inputs[2][:] = torque, previous_torque, deaf
@@ -173,7 +173,7 @@ class Estimator:
 
     @property
     def functions(self) -> tuple[Any, Any]:
-        """One sample of the filter, and its beginning."""
+        """The functions of one sample of the filter and of its start."""
         motors = self.motors is not None
         return estimation(self.predictor, motors), beginning(self.predictor, motors)
 

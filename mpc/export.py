@@ -1,7 +1,7 @@
 """A controller as C99 files for a target: see the templates in `mpc/target`.
 
-The code has the parts of `CompiledStep.source`, with what is remembered in a struct of the caller and what is constant
-in tables, so that it runs from read-only memory and knows no addresses.
+The code has the parts of `CompiledStep.source`. The state is in a struct of the caller and the constants are in tables,
+so the code runs from read-only memory and has no fixed addresses.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from plant.errors import BadParameter
 Array = NDArray[np.float64]
 
 FILES = ("controller.h", "controller.c", "driver.c", "CMakeLists.txt", "README.txt")
-"""Templates; the first two are written with the controller's name before theirs."""
+"""Templates; the names of the first two get the name of the controller as a prefix."""
 
 _CONSTANT = (
     "model",
@@ -43,16 +43,16 @@ _CONSTANT = (
     "watching",
 )
 _SHOWN = ("outcome", "torques", "angles")
-_CLOCK = 200e6  # of the Cortex-M7 that the estimate is for [Hz]
+_CLOCK = 200e6  # clock of the Cortex-M7 of the estimate [Hz]
 
 CERTIFIED = {"double": "1e-6", "single": "1e-5f"}
-"""Largest residual of a solution that is accepted, in units of the greatest torque."""
+"""Largest residual of an accepted solution, in units of the greatest torque."""
 
 _FIRM, _DIGITS = {"double": "1e4", "single": "1e2f"}, {"double": "2.3e-16", "single": "1.2e-7f"}
-"""How steep the cost is beyond an end that is held, and what a number is rounded by."""
+"""Penalty weight of a held interval end (see `mpc.active_set.FIRM`), and relative rounding error."""
 
 _STIFF, _CLOSE = {"double": "1e11", "single": "1e5f"}, {"double": "1e-9", "single": "1e-6f"}
-"""How steep the barrier of the interior point method may be, and how near it ends: as many digits as there are."""
+"""Greatest curvature of the barrier of the interior point method, and its tolerance, as the precision allows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,12 +61,12 @@ class TargetCode:
 
     Attributes:
         files: name and content of each.
-        name: before every symbol.
+        name: prefix of every symbol.
         precision: "double" or "single".
-        memory: of one controller's struct [bytes].
-        stack: of one step, at most [bytes].
+        memory: size of the struct of one controller [bytes].
+        stack: upper bound of the stack of one step [bytes].
         usual, worst: operations of one step.
-        sample_time: that it has for them [s].
+        sample_time: time available for a step [s].
     """
 
     files: Mapping[str, str]
@@ -85,7 +85,7 @@ class TargetCode:
         return self.usual.cycles(costs) / _CLOCK, self.worst.cycles(costs) / _CLOCK
 
     def summary(self) -> dict[str, Any]:
-        """The numbers; times in seconds, sizes in bytes."""
+        """The key figures; times in seconds, sizes in bytes."""
         return {
             "schema": 1,
             "files": list(self.files),
@@ -99,7 +99,7 @@ class TargetCode:
         }
 
     def sentences(self) -> list[str]:
-        """The same for readers."""
+        """The key figures in sentences."""
         usual, worst = (1e6 * time for time in self.cortex_m7)
         return [
             f"A controller takes {self.memory} bytes and at most {self.stack} of stack, in {self.precision} precision.",
@@ -109,7 +109,7 @@ class TargetCode:
         ]
 
     def _too_slow(self) -> list[str]:
-        """Whether even the usual step, or the worst one, takes longer there than a sample, in a sentence."""
+        """A sentence if the usual or the worst step takes longer on the Cortex-M7 than a sample."""
         usual, worst = (time > self.sample_time for time in self.cortex_m7)
         if not worst:
             return []
@@ -117,7 +117,7 @@ class TargetCode:
         return [f"{what} NOT FIT into a sample of {1e6 * self.sample_time:.0f} us there; {self._way_out(usual)}."]
 
     def _way_out(self, usual: bool) -> str:
-        """What would make a step fit, single precision only where its estimate says so."""
+        """How to make a step fit; single precision only if its estimate fits."""
         rest = "a shorter horizon or a longer sample may"
         if self.precision == "single":
             return rest
@@ -130,18 +130,19 @@ class TargetCode:
 
 
 def export(controller: Controller, *, single: bool = False, name: str = "antidrive") -> TargetCode:
-    """The files of a controller that has forgotten what it did.
+    """The C99 files of a controller, without its present state.
 
-    In double precision the code hands out the torques of the Python form to the last bit; how near they come in single
-    precision is in README.txt.
+    In double precision the code gives the torques of the Python form to the last bit. README.txt states the accuracy
+    of single precision.
 
     Args:
-        controller: what to write.
-        single: numbers of 4 bytes instead of 8, for targets that calculate with no others.
-        name: stands before every file, symbol and constant, so that several controllers link into one program.
+        controller: the controller to export.
+        single: numbers of 4 bytes instead of 8, for targets without double precision.
+        name: prefix of the controller's files and of every symbol and constant, so that several controllers link into
+            one program.
 
     Raises:
-        BadParameter: a name that C does not take.
+        BadParameter: a name that is not valid in C.
     """
     check_name(name)
     precision = "single" if single else "double"
@@ -189,7 +190,7 @@ def export(controller: Controller, *, single: bool = False, name: str = "antidri
 
 
 def check_name(name: str) -> None:
-    """Refuse what cannot stand before the names of a C program with a `BadParameter`."""
+    """Raise `BadParameter` unless the name is a valid prefix of C names."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name, re.ASCII):
         raise BadParameter(
             f"name must be a word of C, up to 40 letters, digits and underscores with a letter first, not {name!r}."
@@ -197,7 +198,7 @@ def check_name(name: str) -> None:
 
 
 def _own(name: str, file: str) -> str:
-    """What a template's file is called: header and code stand beside those of other controllers."""
+    """Name of the file of a template; header and code get the prefix, to coexist with other controllers."""
     return f"{name}_{file}" if file.startswith("controller.") else file
 
 
@@ -206,14 +207,14 @@ def _template(file: str) -> str:
 
 
 def _literals(code: str, single: bool) -> str:
-    """The code with its numbers in the precision of the target."""
+    """The code with its numeric literals in the precision of the target."""
     if not single:
         return code
     return re.sub(r"(?<![\w.])(?:\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])", _short, code)
 
 
 def _short(literal: re.Match[str]) -> str:
-    """A number for single precision; guards at the ends of the range of double move to its own ends."""
+    """A literal for single precision; values outside its range are clipped to its limits."""
     value, limits = float(literal[0]), np.finfo(np.float32)
     least, most = float(limits.tiny), float(limits.max)
     if 0.0 < value < least or value > most:
@@ -222,7 +223,7 @@ def _short(literal: re.Match[str]) -> str:
 
 
 def _statuses(prefix: str) -> str:
-    """The reasons as constants, each with its sentence."""
+    """The status values as C constants, each with its sentence as a comment."""
     reasons = [reason for reason in Trouble if reason]
     lines = [f"  {prefix}_{reason.name} = {reason.value}, /* {sentence(reason)} */" for reason in reasons]
     return "\n".join(lines).replace(f"{reasons[-1].value},", f"{reasons[-1].value}")
@@ -238,14 +239,14 @@ def _table(name: str, values: Array, single: bool) -> str:
 
 
 def _number(value: float, single: bool) -> str:
-    """So that reading it gives the same number again."""
+    """A C literal that gives exactly the same number."""
     if np.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
     return f"{float(value)!r}{'f' if single else ''}"
 
 
 def _intervals(controller: Controller, prefix: str, single: bool) -> str:
-    """The torques of each drive as constants."""
+    """The torque range of each drive as C constants."""
     return "\n".join(
         f"#define {prefix}_TORQUE_{drive}_{end} ({_number(value, single)})"
         for drive, interval in enumerate(ranges(controller), start=1)
@@ -254,7 +255,7 @@ def _intervals(controller: Controller, prefix: str, single: bool) -> str:
 
 
 def _cost(controller: Controller, made: TargetCode) -> dict[str, str]:
-    """What README.txt says of a step."""
+    """The cost of a step, for README.txt."""
     usual, worst = (1e6 * time for time in made.cortex_m7)
     costs = effort.CORTEX_M7[made.precision]
     ends = [

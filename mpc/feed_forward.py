@@ -1,8 +1,8 @@
-"""The torque that the governed reference takes: what the program need not pay for.
+"""Feedforward: the torque that the governed reference requires, without cost in the program.
 
-The price of a change of torque makes the loop as fast as its margins allow, and no faster. A reference that the model
-can follow is no business of that loop: the torque that it takes is known, so only what changes beside it has a price.
-With a right model the load then follows at any bandwidth; what is left to the loop is what nobody knows.
+The weight on torque changes limits the bandwidth of the loop as its margins require. The torque for a reference that
+the model can follow is known in advance, so only changes relative to this feedforward torque have a cost. With a
+correct model the load follows at any bandwidth; the loop only has to compensate disturbances and model errors.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from plant.servo import ServoModel
 
 
 def demand(model: ServoModel) -> Any:
-    """What the reference takes during a sample, as a `casadi.Function`.
+    """The torque that the reference requires during a sample, as a `casadi.Function`.
 
-    (governed angle, its speed during the sample and the next one (2,), change of speed before, parameters) -> torque on
-    the load, rigid, without memory and dry friction; change of the speed. Speeds and not angles, whose differences have
-    no digits left in single precision.
+    (governed angle, its speed during the sample and the next one (2,), last change of speed, parameters) -> torque on
+    the rigid load without dry friction and without effects that have states; change of the speed. Speeds are used
+    because differences of angles lose all digits in single precision.
     """
     angle, speeds, before = ca.SX.sym("angle"), ca.SX.sym("speeds", 2), ca.SX.sym("before")
     p = ca.SX.sym("p", len(model.names) + 1)
@@ -39,13 +39,13 @@ def demand(model: ServoModel) -> Any:
 
 @cache
 def ease() -> Any:
-    """What of it is fed, as a `casadi.Function`.
+    """One sample of the smoothing of the feedforward torque, as a `casadi.Function`.
 
-    (torque that is taken, torque in the sample before and its last change (2,), numbers of friction) -> torque and its
-    change (2,). Smooth motion is fed as it is. Where the acceleration jumps the change of the torque grows from sample
-    to sample by what the teeth bear all the time, up to what they bear once; so the noise of a reference is not fed.
-    Done forward and backward in time, the mean is neither early nor late; done with that once more it is what is fed,
-    also where a jump was not seen ahead.
+    (required torque, smoothed torque of the sample before and its last change (2,), numbers of friction) -> smoothed
+    torque and its change (2,). Smooth motion is not altered. Where the acceleration jumps, the change of the torque
+    grows per sample by at most `Rubbing.QUIET`, up to `Rubbing.MOST_CHANGE`; this suppresses the noise of a reference.
+    It is applied forward and backward in time, and the mean of both has no delay. It is applied forward once more to
+    that mean, which also limits the effect of a jump without preview.
     """
     before, taken, rubbing = ca.SX.sym("before", 2), ca.SX.sym("taken"), ca.SX.sym("rubbing", len(Rubbing))
     (torque, change), most, quiet = ca.vertsplit(before), rubbing[Rubbing.MOST_CHANGE], rubbing[Rubbing.QUIET]
@@ -57,9 +57,9 @@ def ease() -> Any:
 def fed_forward(
     demand: Any, late: int, ahead: Any, speeds: Any, fed: Any, past: Any, kalman: Any, model: Any, rubbing: Any
 ) -> dict[str, Any]:
-    """The torque that the governed reference takes and what of it is fed, as expressions; see feed_forward in step.c.
+    """The torque required by the governed reference, and the feedforward torque, as expressions.
 
-    Before the first it is what acts.
+    The feedforward of the sample before the first one is the acting torque. See feed_forward in step.c.
     """
     path, rates, N = ahead[late:], speeds[late:], ahead.numel() - late - 2
     bend = rates[1] - rates[0]
@@ -79,7 +79,7 @@ def fed_forward(
 
 
 def _eased(torques: list[Any], before: Any, rubbing: Any) -> list[Any]:
-    """Torque and its change (2,) of each sample."""
+    """Smoothed torque and its change (2,) of each sample."""
     found = []
     for torque in torques:
         before = ease()(torque, before, rubbing)

@@ -1,4 +1,4 @@
-"""The equations of the estimator: one sample of the filter, and how it begins."""
+"""The equations of the estimator: one sample of the Kalman filter, and its start."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from plant.effects import State
 from plant.servo import ServoModel
 
 _OUTLIER = 10.0
-"""Innovations beyond so many standard deviations are not believed at once."""
+"""Innovations above this number of standard deviations are rejected as outliers."""
 
 _PATIENCE = 3
-"""After so many of them in a row it is the estimate that is not believed."""
+"""After this number of outliers in a row the filter restarts."""
 
 _ITERATIONS = 20
-"""In search of the angle at which the sensor shows a reading; each one divides the error by ten and more."""
+"""Iterations for the angle at which the sensor shows a measurement; each divides the error by ten or more."""
 
 _UNKNOWN = 1e4
-"""Variance of a motor's offset before its first reading, and behind a jump of it [rad^2]."""
+"""Variance of a motor's offset before its first measurement, and after a jump of it [rad^2]."""
 
 _LARGEST = float(np.finfo(np.float64).max)
 
 
 def kalman_of(n: int, motors: bool) -> Any:
-    """Memory of the filter, in symbols."""
+    """State of the filter, as symbols."""
     m = n + 1 + 2 * motors
     return ca.SX.sym("kalman", 2 + m + m * (m + 1) // 2)
 
 
 def place_of_covariance(m: int) -> slice:
-    """Where in the filter's state the covariance of state, disturbance and offsets (m,) is."""
+    """Position in the filter's state of the covariance of state, disturbance and offsets (m,)."""
     return slice(2 + m, 2 + m + m * (m + 1) // 2)
 
 
 def covariance_of(kalman: NDArray[np.float64], m: int) -> NDArray[np.float64]:
-    """(m, m) that covariance."""
+    """(m, m) covariance of state, disturbance and offsets."""
     upper = np.zeros((m, m))
     upper[np.tril_indices(m)[::-1]] = kalman[place_of_covariance(m)]
     return upper + np.triu(upper, 1).T
@@ -57,8 +57,8 @@ def _triangle(n: int) -> Any:
 def estimation(predictor: Predictor, motors: bool) -> Any:
     """One sample of the filter, as a `casadi.Function`.
 
-    (state, readings: angle and motor angles if there are any, torques since the last sample and before, and by how much
-    the angle may be off unnoticed (3,), parameters, levels) -> state, trouble (see `Trouble`), whether to begin anew.
+    (state, measurements: angle and motor angles if any, [torque since the last sample, torque before, dead band of the
+    innovation], parameters, levels) -> state, trouble (see `Trouble`), whether to restart.
     """
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
@@ -82,7 +82,7 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
     innovation = reading - shown
     innovation -= ca.fmax(ca.fmin(innovation, acted[2]), -acted[2])
 
-    # What to believe.
+    # Classify the measurement and the prediction.
     sound, heard = finite(ca.vertcat(ahead, ca.triu(spread).nz[:])), finite(reading)
     wild = ca.fabs(innovation) > _OUTLIER * ca.sqrt(expected) + levels[3]
     wilder = doubts + 1
@@ -100,7 +100,7 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
     believed = ca.logic_and(heard, ca.logic_not(wild))
     doubts = ca.if_else(heard, ca.if_else(wild, wilder, 0), doubts)
 
-    # Correct, with the load's encoder and then with each motor's.
+    # Correct by the load encoder and then by each motor encoder.
     x = ca.vertcat(ahead, d, offsets)
     x, spread = _corrected(x, spread, row, innovation, variance, believed)
     for i in range(2 * motors):
@@ -118,7 +118,7 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
 
 
 def _corrected(x: Any, spread: Any, row: Any, innovation: Any, variance: Any, believed: Any) -> tuple[Any, Any]:
-    """Kalman's update where a reading is believed; in Joseph's form, which stays symmetric and positive."""
+    """Measurement update if the measurement is accepted; in Joseph form, which keeps P symmetric and positive."""
     gain = ca.mtimes(spread, row) / (ca.mtimes(row.T, ca.mtimes(spread, row)) + variance)
     keep = ca.SX.eye(x.shape[0]) - ca.mtimes(gain, row.T)
     sharper = ca.mtimes(ca.mtimes(keep, spread), keep.T) + ca.mtimes(gain, gain.T) * variance
@@ -126,20 +126,20 @@ def _corrected(x: Any, spread: Any, row: Any, innovation: Any, variance: Any, be
 
 
 def _motor_row(model: ServoModel, m: int, i: int) -> Any:
-    """(m,) what motor i shows, seen from the load: its own angle where the drivetrain is flexible, and its offset."""
+    """(m,) measurement row of motor i, at the load: motor angle (load angle in a rigid drivetrain) plus its offset."""
     row = ca.SX(m, 1)
     row[motor_place(model)], row[m - 2 + i] = 1, 1
     return row
 
 
 def motor_place(model: ServoModel) -> int:
-    """Where among the states the motor's angle is; that of the load, 0, where the drivetrain is rigid."""
+    """Index of the state that is the motor angle; 0, the load angle, if the drivetrain is rigid."""
     kinds = [kind if effect.flexible else None for effect in model.effects for kind in effect.states]
     return 2 + kinds.index(State.ANGLE) if State.ANGLE in kinds else 0
 
 
 def beginning(predictor: Predictor, motors: bool) -> Any:
-    """Rest at a reading, as a `casadi.Function`: (readings, torque, parameters, levels) -> filter state."""
+    """Start at rest, as a `casadi.Function`: (measurements, torque, parameters, levels) -> filter state."""
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
     readings, torque, levels = ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("torque"), _levels(motors)
@@ -151,7 +151,7 @@ def beginning(predictor: Predictor, motors: bool) -> Any:
     offsets = [ca.if_else(h, -readings[1 + i] / levels[7 + i] - state[0], 0) for i, h in enumerate(heard)]
     spread += [ca.if_else(h, levels[0] + levels[4 + i], _UNKNOWN) for i, h in enumerate(heard)]
     covariance = ca.densify(ca.diag(ca.vertcat(*spread)))
-    for i, h in enumerate(heard):  # an offset is wrong by what the angle is wrong
+    for i, h in enumerate(heard):  # the errors of offset and angle are correlated
         covariance[0, n + 1 + i] = ca.if_else(h, -levels[0], 0)
     if motors:
         covariance[n + 1, n + 2] = ca.if_else(ca.logic_and(*heard), levels[0], 0)
@@ -160,10 +160,10 @@ def beginning(predictor: Predictor, motors: bool) -> Any:
 
 
 def _at_rest(model: ServoModel, reading: Any, torque: Any) -> Any:
-    """(n,) state at rest in which the sensor has settled at a reading [rad], by fixed-point iteration.
+    """(n,) state at rest with the sensor settled at a measurement [rad], by fixed-point iteration.
 
-    A sensor that errs by a part of a degree errs by many times its noise: to take its reading for the angle would be
-    a contradiction that the filter never overcomes.
+    A systematic sensor error of a fraction of a degree is many times the noise. To start with the measurement as the
+    angle would be inconsistent with the sensor model, and the filter would not recover.
     """
     angle = reading
     for _ in range(_ITERATIONS):

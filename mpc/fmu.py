@@ -1,4 +1,4 @@
-"""A controller as an FMU, for Simulink and Modelica tools: the C99 of `mpc.export` behind the functions of FMI 2.0."""
+"""A controller as an FMU, for Simulink and Modelica tools: the C99 code of `mpc.export` with an FMI 2.0 interface."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from plant.units import axis_quantities
 
 
 def controller_fmu(controller: Controller, *, name: str = "antidrive") -> Fmu:
-    """The controller as an FMU, which hands out the torques of `Controller.step` to the last bit.
+    """The controller as an FMU; it gives the torques of `Controller.step` to the last bit.
 
-    It reads angle and reference when a sample begins, and holds the torques until the next; before the first they are
-    zero. The reference is a number, so that nothing of its future is known.
+    It reads angle and reference at the start of a sample and holds the torques until the next one; before the first
+    sample they are zero. The reference is a scalar, without preview.
 
     Args:
-        controller: what it is; what it remembers does not count.
-        name: of the library, with "_controller" behind it; several in one model need several names.
+        controller: the controller to export, without its present state.
+        name: of the library, followed by "_controller"; several FMUs in one model need different names.
 
     Raises:
-        BadParameter: a name that C does not take.
+        BadParameter: a name that is not valid in C.
     """
     made = export(controller, name=name)
     motors = controller.motor_resolution is not None

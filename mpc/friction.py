@@ -1,10 +1,11 @@
-"""Dry friction beside the plan: what it is on the way that is planned, and what its scale is found to be.
+"""Compensation of dry friction: friction along the planned path, and adaptation of its scale.
 
-The program plans the net torque, that which moves the load, with a model that has no dry friction; friction is added
-to it afterwards, at the velocity of the governed reference. A program that has friction in it prefers to stay stuck:
-it pays for the jump of the torque that a reversal needs, and its horizon is too short to see what that is worth.
+The program plans the net torque that accelerates the load, with a model without dry friction. The friction torque is
+added to it afterwards, at the velocity of the governed reference. A program that includes friction tends to stay stuck:
+the jump of the torque at a reversal has a cost, and the horizon is too short to see its benefit.
 
-Too little only sticks for a while, too much jumps. So what is added is what is sure: the scale less its standard error.
+Too little compensation makes the load stick for a while, too much makes it jump. So the compensation uses the scale
+minus its standard error.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ from plant.servo import ServoModel
 Array = NDArray[np.float64]
 
 _KEPT = 200.0
-"""Periods of the loop over which what was learnt is forgotten."""
+"""Forgetting time of the adaptation, in periods of the loop."""
 
 _CLEAR = 3.0
-"""Standard deviations of the sensor that a load must move within 1/w to be known to slide."""
+"""Motion within 1/w from which the load counts as sliding, in standard deviations of the sensor."""
 
 
 class Frictionless(ServoModel):
-    """A servo without its dry friction, its parameters being those of the whole."""
+    """A servo without its dry friction; it has all parameters of the full model."""
 
     @classmethod
     def of(cls, model: ServoModel) -> Self:
-        """The same servo."""
+        """The same servo without dry friction."""
         own = {spec.name: getattr(model, spec.name) for spec in parameters_of(ServoModel)}
         return cls(**own, effects=model.effects, axis=model.axis, torque_unit=model.torque_unit)
 
@@ -44,9 +45,10 @@ class Frictionless(ServoModel):
 
 
 def rigid_contacts(model: ServoModel) -> ServoModel:
-    """The model in which a contact that gives before it slides is one that slides at once.
+    """The model with presliding (elastic) friction replaced by friction that slides at once.
 
-    Its spring is too stiff for a sample and too short for a plan; what it takes beyond its travel is the same.
+    The presliding stiffness is too high for the sample time, and its travel is too short to matter for a plan; the
+    sliding friction is the same.
     """
     for effect in model.effects:
         if effect.states == (State.RELAXED,) and effect.reduced():
@@ -70,21 +72,22 @@ def friction_numbers(
 ) -> Array:
     """The numbers of friction, see `mpc.slots.Rubbing`.
 
-    A reference stands that passes less than the sensor's noise within the time of the loop. While it does, an
-    innovation within half a count is none, less three standard deviations of the noise that would show what is inside.
+    A reference counts as standing still if it moves by less than the noise of the sensor within 1/w. During standstill
+    the innovation has a dead band: half a step of the encoder minus three standard deviations of its noise, because
+    noise makes positions inside a step visible.
 
     Args:
-        std: standard error of the friction in the model, as a share of it.
+        std: relative standard error of the friction in the model.
         wave: w, 2 pi times the bandwidth of the loop.
         noise: standard deviation of the sensor with its steps [rad].
-        resolution, jitter: its step and its noise beside that [rad].
-        floor: least flank torque, seen at the load [N m]; undamped teeth swing by as much as the torque jumps. Zero
-            keeps no teeth together and bounds nothing.
+        resolution, jitter: step of the sensor, and its noise besides the steps [rad].
+        floor: minimum contact torque, at the load [N m]; a jump of the torque makes the undamped gear contact oscillate
+            with the same amplitude. Zero: no contact to keep, no limit.
         greatest: torque of the drives [N m].
         memory: of the estimator [samples].
-        quiet: change of the torque from sample to sample that the teeth bear all the time [N m]; so much the change of
-            what is fed forward may grow in a sample.
-        jerk: a quarter of how fast the acceleration of a move may change [rad/s^3].
+        quiet: permanent change of the torque from sample to sample that the contact tolerates [N m]; the change of the
+            feedforward torque may grow by this per sample.
+        jerk: a quarter of the greatest rate of the acceleration of a move [rad/s^3].
     """
     deaf = max(resolution / 2 - 3 * jitter, 0.0)
     fades = wave / (2 * np.pi * _KEPT)
@@ -98,11 +101,11 @@ def _levels(model: ServoModel, angle: Any, velocity: Any, torque: Any) -> tuple[
 
 
 def rub(model: ServoModel) -> Any:
-    """Friction on the way, as far as it is sure, as a `casadi.Function`.
+    """Friction compensation along the path, with the scale minus its standard error, as a `casadi.Function`.
 
-    (angle now and next (2,), the same one sample before, torque on the load, what was learnt, parameters, numbers)
-    -> torque against friction [N m]. It changes its sense over twice the speed below which a reference stands, and no
-    faster than the teeth bear.
+    (governed angle now and next (2,), compensation one sample before, torque on the load, memory of the adaptation,
+    parameters, numbers) -> torque against friction [N m]. A reversal takes place over the speed interval of standstill,
+    `Rubbing.STANDS` on each side, and changes by at most `Rubbing.MOST_CHANGE` per sample.
     """
     way, torque, before = ca.SX.sym("way", 2), ca.SX.sym("torque"), ca.SX.sym("before")
     learnt, rubbing = ca.SX.sym("learnt", len(Learnt)), ca.SX.sym("rubbing", len(Rubbing))
@@ -121,16 +124,16 @@ def rub(model: ServoModel) -> Any:
 
 
 def learn(model: ServoModel, motors: bool) -> Any:
-    """One sample of learning, as a `casadi.Function`.
+    """One sample of the adaptation of friction, as a `casadi.Function`.
 
-    (state of the estimator, what was learnt, [torque against friction that acted, torque on the load, governed angle
-    now, next and at the horizon's end], parameters, numbers, tuning) -> what is learnt, disturbance.
+    (state of the estimator, memory, [acting compensation torque, torque on the load, governed angle now, next and at
+    the end of the horizon], parameters, numbers, tuning) -> memory, disturbance.
 
-    While the load slides the disturbance d is what acts besides the model, b, less the friction s F that was not
-    compensated, f: d = b - s F + f, a measurement of b and s. It is believed after the time that the loop takes, in
-    the direction that the reference has; at rest, where friction takes any value up to breakaway, nothing is learnt and
-    everything kept. When the reference sets out or turns, friction is another one from one sample to the next: what d
-    had of it is taken away, as far as the friction that there can have been lets b be what was learnt.
+    While the load slides, the disturbance d is the unmodelled constant torque b minus the friction s F plus its
+    compensation f: d = b - s F + f, a measurement of b and the scale s. It is used after the load has slid for 1/w in
+    the direction of compensation. At rest, where friction may have any value up to breakaway, nothing is learnt or
+    forgotten. When the reference starts or reverses, friction changes from one sample to the next: its part is removed
+    from d, so that b keeps its learnt value within the range of the possible friction.
     """
     n = len(model.states)
     m, kalman = n + 1 + 2 * motors, kalman_of(n, motors)
@@ -145,7 +148,7 @@ def learn(model: ServoModel, motors: bool) -> Any:
     first: tuple[Any, ...] = (0, 0, 1, most, 0, doubt, 0, 0, angle, 0, 0)
     kept = [ca.if_else(known, learnt[i], value) for i, value in enumerate(first)]
     _, b, s, P_bb, P_bs, P_ss, before, slid, followed, *_ = kept
-    shown = wave * (angle - followed)  # the estimate's velocity believes in the torque, also where friction holds
+    shown = wave * (angle - followed)  # the estimated velocity responds to the torque even if friction holds the load
     followed += dt * shown
 
     speed = (now[3] - now[2]) / dt
@@ -169,7 +172,7 @@ def learn(model: ServoModel, motors: bool) -> Any:
     P_bb, P_bs, P_ss = P_bb - gain_b * towards_b, P_bs - gain_b * towards_s, ca.fmax(P_ss - gain_s * towards_s, 0)
     b, s = b + gain_b * miss, ca.fmax(ca.fmin(s + gain_s * miss, 2), 0)
 
-    # Forget what the disturbance had of a friction that is over.
+    # Remove from the disturbance the part of a friction that no longer acts.
     std = 2 * ca.sqrt(P_ss)
     rest_forward, rest_backward = _levels(bound, angle, 0.0, now[1])
     least = ca.if_else(sense == 0, -(s + std) * rest_backward, s * friction - std * ca.fabs(friction))
@@ -185,10 +188,10 @@ def learn(model: ServoModel, motors: bool) -> Any:
 def known_by_now(
     learn: Any, late: int, kalman: Any, learnt: Any, rubs: Any, past: Any, plan: Any, ahead: Any, **numbers: Any
 ) -> dict[str, Any]:
-    """What is known of friction by now, as expressions; see rubbed in step.c.
+    """Adaptation of friction and its effect on the past torques, as expressions; see rubbed in step.c.
 
-    A disturbance that had a part of a friction that is over loses it; as much goes from what the torques did against
-    friction to what they did besides.
+    If a part of friction is removed from the disturbance, the same amount moves from the past compensation torques to
+    the past net torques.
     """
     total, N = past[late + 1] + rubs[late + 1], plan.numel() - 1
     now = ca.vertcat(rubs[1], total, ahead[late], ahead[late + 1], ahead[N])

@@ -1,4 +1,4 @@
-"""The reference governor: a reference that the torques can follow."""
+"""The reference governor: it turns the reference into one that the torques can follow."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 def governed_path(
     limited: bool, path: Any, asked: Any, changes: Any, limits: Any, soft: Any, attainable: Any, jerk: Any, numbers: Any
 ) -> tuple[Any, Any, Any]:
-    """The governed reference, as expressions: the path one sample on, governed angles and speeds (N + 1,).
+    """The governed reference, as expressions: the path at the next sample, governed angles and speeds (N + 1,).
 
     Args:
         limited: whether there are soft limits.
@@ -31,7 +31,7 @@ def governed_path(
         limits: (2,) greatest acceleration backward and forward [rad/s^2].
         soft: see `SoftLimits.numbers`.
         attainable, jerk: see `Governor`.
-        numbers: prepared sample time.
+        numbers: prepared from the sample time, see `mpc.prepared`.
     """
     govern = prepared(governed(limited)).function
     move = hurry()(path[Path.ANGLE], asked[0], path[Path.MOVE], attainable, jerk)
@@ -46,7 +46,7 @@ def governed_path(
 
 @lru_cache(maxsize=64)
 def jumps(samples: int) -> Any:
-    """Whether the reference jumps to each but the first and the last of so many samples: (wanted, attainable) ->."""
+    """(wanted, attainable) -> whether the reference jumps, for each sample but the first and the last."""
     wanted, attainable = ca.MX.sym("wanted", samples), ca.MX.sym("attainable")
     found = [jump()(wanted[k : k + 3], attainable) for k in range(samples - 2)]
     return ca.Function("jumps", [wanted, attainable], [ca.vertcat(*found)]).expand()
@@ -56,17 +56,17 @@ def jumps(samples: int) -> Any:
 class Governor:
     """Follow the wanted angle as closely as a bounded acceleration allows.
 
-    A horizon much shorter than the time that it takes to brake cannot see that it goes too fast; with torques at
-    their limits the loop then overshoots or cycles. So the controller follows a governed reference: equal to the wanted
-    one as long as this can be followed, and time-optimal towards it otherwise.
+    With a horizon much shorter than the braking time the controller brakes too late; with saturated torques the loop
+    then overshoots or has a limit cycle. So the controller follows a governed reference: it equals the wanted one as
+    long as the torques can follow that, and approaches it in minimum time otherwise.
 
     Attributes:
         sample_time: [s].
-        soft: limits of angle and speed as numbers, None if there are none.
-        attainable: by how much the torques can bend a path in a sample [rad]; what bends more is a jump.
-        jerk: a quarter of how fast the acceleration may change in a move [rad/s^3].
-        path: all that is remembered: whether there is a governed reference, its angle [rad] and rate [rad/s], and how
-            fast the move is made that is under way, see `mpc.time_optimal_law.hurry`.
+        soft: limits of angle and speed as numbers (see `SoftLimits.numbers`), None if there are none.
+        attainable: greatest second difference of the angle that the torques can give in a sample [rad].
+        jerk: a quarter of the greatest rate of the acceleration in a move [rad/s^3].
+        path: the state: whether there is a governed reference, its angle [rad] and rate [rad/s], and the acceleration
+            of the present move, see `mpc.time_optimal_law.hurry`.
     """
 
     sample_time: float
@@ -76,17 +76,16 @@ class Governor:
     path: Array = field(default_factory=lambda: np.zeros(len(Path)), init=False)
 
     def restart(self, angle: float, rate: float) -> None:
-        """Begin at an angle [rad] and speed [rad/s]."""
+        """Restart at an angle [rad] and speed [rad/s]."""
         self.path[:] = 1.0, angle, rate, 0.0
 
     def govern(self, wanted: Array, limits: tuple[float, float], previewed: bool = False) -> Array:
-        """The governed reference over the horizon, and one sample on.
+        """The governed reference over the horizon; the state moves on by one sample.
 
         Args:
             wanted: (N + 1,) wanted angle from now on [rad].
             limits: greatest acceleration backward and forward [rad/s^2], both above zero.
-            previewed: whether that is known and not only how the reference may go on; it then sets out early for what
-                it could not follow.
+            previewed: whether `wanted` is known in advance and not extrapolated; a move to a jump then starts early.
 
         Returns:
             (N + 1,) governed angle from now on [rad].
@@ -106,9 +105,9 @@ class Governor:
     def ask(
         self, wanted: Array, steps: Array, asked: Array, changes: Array, limits: tuple[float, float] | None
     ) -> None:
-        """What is asked for at each sample (N + 1,), and its changes (N + 2,): the wanted angle, goes on at its speed.
+        """Fill the target (N + 1,) and its changes (N + 2,): the wanted angle, extended at its last speed.
 
-        With limits it is the wanted angle behind the first jump, if it is time to set out for that.
+        With `limits` it is the wanted angle after the first jump, as soon as the move to that jump has to start.
         """
         last = steps.size
         asked[:], changes[:last], changes[last:] = wanted, steps, steps[-1]
@@ -119,11 +118,11 @@ class Governor:
             changes[: last - lead], changes[last - lead :] = steps[lead:], steps[-1]
 
     def sees_a_jump(self, wanted: Array) -> bool:
-        """Whether the wanted angle (N + 1,) jumps somewhere. Behind its end it goes on at its speed."""
+        """Whether the wanted angle (N + 1,) has a jump. After its end it continues at its last speed."""
         return wanted.size > 2 and bool(self._jumps(wanted).any())
 
     def _lead(self, wanted: Array, limits: tuple[float, float]) -> tuple[int, float]:
-        """To which sample it sets out now, and the change of the wanted angle from there on."""
+        """Sample of the jump to which a move starts now (0: none), and change of the wanted angle per sample there."""
         count = int(self._jumps(wanted).argmax()) + 1
         early = self._early
         early.inputs[0][:], early.inputs[3][:] = self.path[Path.ANGLE : Path.MOVE], limits

@@ -1,4 +1,4 @@
-"""The interior point method behind the active set: it cannot cycle, and knows all intervals of a program."""
+"""The interior point method, used after the active set: it cannot cycle, and includes all intervals of a program."""
 
 from __future__ import annotations
 
@@ -10,29 +10,30 @@ from mpc.sweeps import Sweeps
 Array = NDArray[np.float64]
 
 _BEGIN, _CLOSE = 1e3, 1e-9
-"""Products at which it begins, in units of the greatest force times the greatest torque, and how near it ends.
+"""Initial complementarity products, in units of the greatest force times the greatest torque, and final tolerance.
 
-Not by the size of the products: where limits cost as much as they may, sweeps lose their digits before these are small.
+The tolerance does not apply to the products: near the greatest penalty of a limit the sweeps lose precision before the
+products are small.
 """
 
 _STIFF = 1e11
-"""Greatest curvature of the barrier, in units of that of the cost: with more a force would be noise in the end."""
+"""Greatest curvature of the barrier, in units of that of the cost: above it the forces would be rounding errors."""
 
 
 @np.errstate(all="ignore")  # an infinite price marks an interval that cannot be left
 def solve_from_inside(program: Sweeps) -> None:
-    """Solve a program to within the last digits, and say from it which torques are at a bound.
+    """Solve a program almost to machine precision, and determine from the solution which torques are at a bound.
 
-    The primal-dual method with a barrier (Wright, "Primal-dual interior-point methods", 1997). The end b of an
-    interval, with a sign + or -, holds a number q of a stage back by a force. Where the interval may be left at a
-    price, by an excess, the force stays below the price:
+    The primal-dual barrier method (Wright, "Primal-dual interior-point methods", 1997). The end b of an interval, with
+    sign + or -, acts on a quantity q of a stage by a force (multiplier). For a soft interval with a price and an
+    excess, the force stays below the price:
 
         slack = sign (b - q) + excess,    slack force = target,    excess (price - force) = target,
         derivative of the cost = - sum sign force
 
-    Newton's method for a target that shrinks; a step is one Riccati sweep, and stops short of the ends. The sweep goes
-    around the last point and not around zero: near the solution the barrier is so steep that the difference of two
-    large numbers would be noise.
+    Newton's method with a decreasing target; each step is one Riccati sweep and stays strictly inside. The sweep
+    computes the change from the last point and not from zero: near the solution the barrier is so steep that the
+    difference of two large numbers would be rounding error.
     """
     p, unit = program, float(program.unit[0])
     low, high = p.bounds[:, 1], p.bounds[:, 2]
@@ -53,10 +54,10 @@ def solve_from_inside(program: Sweeps) -> None:
     stages = p.e.size
     price, moved = np.tile(p.prices, stages)[row], np.tile(p.moved, stages)[row]
     priced, weight = price < np.inf, float(p.rate_weight[0])
-    far, strong = 1.0 / (unit * moved), moved / (unit * weight)  # what is little of a slack and of a force
+    far, strong = 1.0 / (unit * moved), moved / (unit * weight)  # scaling of slacks and of forces
     stiffest = _STIFF * (p.curvature[row // p.rows] / (moved * moved))
     gap = sign * (ends[at] - p.numbers()[row])
-    least = np.where(row % p.rows == 0, 0.0, unit * moved)  # the middle of its own interval has room for a torque
+    least = np.where(row % p.rows == 0, 0.0, unit * moved)  # a torque starts in the middle of its interval
     slack, force, excess, spare = _centred(gap, price, least, _BEGIN * most * unit)
     centring, count = 0.1, at.size + int(np.sum(priced))
     for _ in range(p.rounds):
@@ -96,7 +97,7 @@ def solve_from_inside(program: Sweeps) -> None:
 
 
 def _begin_here(program: Sweeps, length: float) -> None:
-    """Count from now on from where that part of the last sweep ends."""
+    """Shift the origin of the program by the given share of the last sweep."""
     p = program
     p.data[:, 0] += length * p.s[:-1, 0]
     p.data[:, 1] += length * (p.e - p.s[:-1, -1])
@@ -104,7 +105,7 @@ def _begin_here(program: Sweeps, length: float) -> None:
 
 
 def _centred(gap: Array, price: Array, least: Array, start: float) -> tuple[Array, Array, Array, Array]:
-    """Slack, force, excess and spare force with both products equal to start; with a price the gap is right too."""
+    """Slack, force, excess and spare force with both products equal to `start`; soft intervals also match the gap."""
     hard = start / np.maximum(gap, least)
     worth = np.where(price < np.inf, gap * price, 0.0)
     total = worth + 2 * start + np.sqrt(worth * worth + 4 * start * start)

@@ -1,4 +1,4 @@
-"""A CasADi function on arrays of its own: called from Python in a microsecond instead of tens."""
+"""A CasADi function on fixed arrays: a call from Python takes about a microsecond instead of tens."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _UNROLLED = 200_000
-"""Operations up to which a loop over stages is written out: the virtual machine then takes half the time."""
+"""Greatest number of operations for which a loop over stages is unrolled, which halves its time."""
 
 
 class Kernel:
     """A CasADi function that reads and writes the same arrays at every call.
 
-    An array holds the nonzeros of an argument, one column after another. Several kernels may share an array: what one
-    writes another reads, and nothing is copied.
+    An array has the nonzeros of an argument, column by column. Several kernels may share an array: one writes it and
+    another reads it, without a copy.
 
     Attributes:
         inputs, outputs: flat arrays, in the function's order.
     """
 
     def __init__(self, function: Any, inputs: Mapping[int, Array] = {}, outputs: Mapping[int, Array] = {}) -> None:
-        """Bind a function to the arrays that are given, by place, and to new ones elsewhere."""
-        self._function = function  # the buffer does not keep it, nor the arrays
+        """Bind a function to the given arrays, by position of the argument, and to new ones for the others."""
+        self._function = function  # keeps it alive; the buffer keeps neither function nor arrays alive
         self._buffer, self._call = function.buffer()
         self.inputs = tuple(_array(function.nnz_in(i), inputs.get(i)) for i in range(function.n_in()))
         self.outputs = tuple(_array(function.nnz_out(i), outputs.get(i)) for i in range(function.n_out()))
@@ -60,16 +60,16 @@ def fused(
     operations: int,
     in_place: tuple[str, ...] = (),
 ) -> Kernel:
-    """A kernel that reads arrays by their names and writes others, with what is between them as one list of operations.
+    """A kernel that reads and writes arrays by name, with all operations in one function.
 
     Args:
         name: of the function.
         arrays: by name.
-        reads: which of them are arguments, with blanks between.
-        build: their symbols, by name -> expressions, by the name of the array that each is written to. What is an
-            argument too, or no array, has an output of its own.
-        operations: about how many it takes; see `unrolled`.
-        in_place: arguments that are written nevertheless, each place as soon as it has been read for the last time.
+        reads: names of the arrays that are arguments, separated by blanks.
+        build: symbols of the arguments, by name -> expressions, by the name of the array that each is written to. A
+            result that is also an argument, or is not among `arrays`, gets an array of its own.
+        operations: approximate number of operations; see `unrolled`.
+        in_place: arguments that are also written, each element after it has been read for the last time.
     """
     given = reads.split()
     symbols = {each: ca.MX.sym(each, arrays[each].size) for each in given}
@@ -87,7 +87,7 @@ def fused(
 
 @contextmanager
 def _as_written() -> Iterator[None]:
-    """No operation is simplified, also across functions: that would round otherwise than C does."""
+    """Switch off simplification, also across functions, because it would change the rounding relative to C."""
     simplifies = ca.GlobalOptions.getSimplificationOnTheFly()
     ca.GlobalOptions.setSimplificationOnTheFly(False)
     try:
@@ -97,21 +97,21 @@ def _as_written() -> Iterator[None]:
 
 
 def unrolled(loop: Any, stages: int, *functions: Any) -> Any:
-    """A loop over stages that calls functions, written out as one list of operations unless that would be too long."""
+    """A loop over stages that calls functions, unrolled into one list of operations unless that is too long."""
     work = stages * sum(function.n_instructions() for function in functions)
     return loop.expand() if work <= _UNROLLED else loop
 
 
 def along_the_way(function: Any, stages: int, memory: int) -> Any:
-    """A function of a stage and of what the last one left, over many stages.
+    """A recursive function of a stage, applied to many stages.
 
     Args:
-        function: (what is new at a stage, ..., memory, ..., the same for all) -> memory.
-        stages: how many there are.
-        memory: place of what the last stage left.
+        function: (input of the stage, ..., memory, ..., common arguments) -> memory.
+        stages: number of stages.
+        memory: position of the memory among the arguments.
 
     Returns:
-        The function with the first argument stage by stage, and the memory behind each stage as its result.
+        The function with the inputs of all stages as its first argument; its result is the memory after each stage.
     """
     given = [ca.MX.sym(function.name_in(i), function.sparsity_in(i)) for i in range(function.n_in())]
     new = ca.MX.sym("new", function.size1_in(0), stages)

@@ -1,4 +1,4 @@
-"""The arrays of a controller by name: what a step reads, remembers and writes. Both forms of the step share them."""
+"""The arrays of a controller by name: inputs, state and results of a step. Both forms of the step share them."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ Array = NDArray[np.float64]
 
 
 def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> dict[str, Array]:
-    """Zeros for n states, N samples looked ahead, a delay of so many whole samples, and so many intervals a stage.
+    """Zero arrays for n states, a horizon of N samples, a dead time of `late` samples and `rows` intervals per stage.
 
-    The constants of a model are not among them, nor what estimator and governor remember: their owners have them. Of
-    the watch over the sensors so many numbers are remembered.
+    `watched` is the memory size of the encoder fault detection. Constants and the states of estimator and governor are
+    not included.
     """
     n, N, samples = states, horizon, late + horizon
     remembered = {
-        "told": len(Told),  # the last wanted angles, of a reference that is told one number a sample
-        "past": late + 3,  # torques under way, oldest first: those of a delay, and the two around the last sample
-        "plan": N + 1,  # whether there is one, and its torques
-        "pressed": rows * N,  # which other numbers are held at an end (1, -1) or given up to their price (2, -2)
-        "forces": rows * N,  # with which these ends push back
-        "bounds": 3 * N,  # which of them holds, and both, at each stage
+        "told": len(Told),  # the last wanted angles of a scalar reference
+        "past": late + 3,  # net torques, oldest first: those of the dead time, and the two around the last sample
+        "plan": N + 1,  # whether there is a plan, and its torques
+        "pressed": rows * N,  # active set besides the torques: held at an end (1, -1) or at the price (2, -2)
+        "forces": rows * N,  # multipliers of these interval ends
+        "bounds": 3 * N,  # active bound, lower and upper bound of the torque of each stage
         "preload": 1,  # lambda of the last sample
-        "load": 1,  # torque that the load takes without accelerating
-        "learnt": len(Learnt),  # of friction
+        "load": 1,  # torque of the load without acceleration
+        "learnt": len(Learnt),  # adaptation of friction
         "watched": watched,  # see `mpc.encoder_faults`
-        "astray": 1,  # mean square of what the load is off its reference, in units of what is admitted
-        "rubs": late + 3,  # torques against friction, beside those of past
+        "astray": 1,  # mean square of the following error, in units of the permitted error
+        "rubs": late + 3,  # friction compensation torques, in addition to those of past
         "fed": len(Fed),  # see `mpc.feed_forward`
     }
     handed = {
         "readings": 3,
-        "elapsed": 1,  # since the last sample, if it is not the sample time
+        "elapsed": 1,  # time since the last sample, if it differs from the sample time
         "wanted": N + 1,
     }
     answer = {
@@ -48,18 +48,18 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
     work = {
         "ahead": N + late + 2,
         "steps": N,  # changes of the wanted angle from sample to sample
-        "speeds": N + late + 2,  # of what is ahead
+        "speeds": N + late + 2,  # of the governed reference
         "guess": N,
         "states": (samples + 1) * n,
         "A": samples * n * n,
         "B": samples * n * 2,
         "range": 2 * N,
         "unit": 1,
-        "taken": N,  # torque that the reference takes in each sample of the horizon
-        "feed": N + 1,  # what of it is fed: in the last sample, and in each of the horizon
-        "rub": N,  # torque against friction of each stage
+        "taken": N,  # torque that the reference requires in each sample of the horizon
+        "feed": N + 1,  # feedforward torque: of the last sample, and of each sample of the horizon
+        "rub": N,  # friction compensation torque of each stage
         "data": 2 * N,
-        "barrier": 2 * rows * N,  # what the interior point method adds to the cost
+        "barrier": 2 * rows * N,  # cost terms added by the active set and the interior point method
         "fence": 2 * rows * N,  # ends of the intervals of each stage
         "end": 2,
         "law": (2 * n + 5) * N,
@@ -75,7 +75,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
 
 
 def _one_behind_the_other(sizes: Mapping[str, int]) -> dict[str, Array]:
-    """Zeros that are parts of one array, which is copied at once."""
+    """Zero arrays that are consecutive parts of one array, so that one copy copies all."""
     ends = np.cumsum([0, *sizes.values()])
     whole = np.zeros(ends[-1])
     return {name: whole[begin:end] for name, begin, end in zip(sizes, ends[:-1], ends[1:], strict=True)}

@@ -1,4 +1,4 @@
-/* The step for this process: sizes, tables and all that is remembered are where a struct says. */
+/* The step for use in this process: a struct has the sizes and the addresses of tables and state. */
 
 #include <math.h>
 #include <string.h>
@@ -6,10 +6,10 @@
 typedef double real;
 
 #define CERTIFIED 1e-6 /* largest residual of an accepted solution, in units of the greatest torque */
-#define DIGITS 2.3e-16 /* what a number is rounded by, in units of itself */
-#define FIRM 1e4       /* how steep the cost is beyond an end that is held: see mpc/active_set.py */
-#define STIFF 1e11     /* how steep the barrier of the interior point method may be, */
-#define CLOSE 1e-9     /* and how near it ends: see mpc/interior_point.py */
+#define DIGITS 2.3e-16 /* relative rounding error */
+#define FIRM 1e4       /* penalty weight of a held interval end: see mpc/active_set.py */
+#define STIFF 1e11     /* greatest curvature of the barrier of the interior point method, */
+#define CLOSE 1e-9     /* and its tolerance: see mpc/interior_point.py */
 
 ${stages}
 ${counts}

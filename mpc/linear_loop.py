@@ -1,4 +1,4 @@
-"""The loop as a linear one: filter, law and plant of a sampled model, and what they make of noise and torques."""
+"""Linear analysis of the sampled loop: filter, control law, plant, and response to noise and disturbance torques."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 FREQUENCIES = np.union1d(np.geomspace(1e-5, 0.5, 220), np.linspace(0.01, 0.5, 60))
-"""At which a loop is looked at, in units of the sampling rate."""
+"""Frequency grid of the analysis, in units of the sampling rate."""
 
 _DOUBLINGS = 40
-"""Samples in powers of two after which every filter has settled."""
+"""Number of doublings, 2^40 samples, after which every filter is stationary."""
 
 Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearPlant:
-    """A model in the neighbourhood of an operating point, see `mpc.prediction.Predictor`.
+    """A model linearised at an operating point, see `mpc.prediction.Predictor`.
 
     Attributes:
-        A: (n, n) next state by the state; the load's angle and velocity come first.
-        B: (n, 2) by the torque during the sample and the one before it.
-        row: (n,) the reading by the state.
-        late: whole samples by which the torque is late.
+        A: (n, n) derivative of the next state by the state; angle and velocity of the load come first.
+        B: (n, 2) derivative of the next state by the torque during the sample and the one before it.
+        row: (n,) derivative of the measurement by the state.
+        late: dead time of the torque in whole samples.
         sample_time: [s].
     """
 
@@ -37,13 +37,13 @@ class LinearPlant:
 
 
 def filter_gain(plant: LinearPlant, *, variance: float, kick: float, wander: float) -> Array:
-    """(n + 1,) gain of the settled filter for state and disturbing torque.
+    """(n + 1,) stationary filter gain for state and disturbance torque.
 
     Args:
-        plant: that it follows.
-        variance: of the reading [rad^2].
-        kick: standard deviation of what the model misses of the velocity in a sample [rad/s].
-        wander: of the disturbance [N m/sqrt(s)].
+        plant: the linear model.
+        variance: of the measurement [rad^2].
+        kick: standard deviation of the velocity error of the model in a sample [rad/s].
+        wander: rate of the random-walk disturbance [N m/sqrt(s)].
     """
     dt, n = plant.sample_time, plant.row.size
     Q = np.zeros((n + 1, n + 1))
@@ -54,9 +54,10 @@ def filter_gain(plant: LinearPlant, *, variance: float, kick: float, wander: flo
 
 
 def settled(F: Array, row: Array, Q: Array) -> Array:
-    """(m, m) covariance before a reading of variance one that a filter settles to, by doubling the time over and over.
+    """(m, m) stationary covariance of a filter before a measurement of unit variance.
 
-    The structure-preserving doubling algorithm (Chu, Fan, Lin, Wang 2004), faster than a general solver.
+    Solves the discrete Riccati equation by the structure-preserving doubling algorithm (Chu, Fan, Lin, Wang 2004),
+    faster than a general solver.
     """
     A, G, H, eye = F.T, np.outer(row, row), Q, np.eye(row.size)
     for _ in range(_DOUBLINGS):
@@ -69,7 +70,7 @@ def settled(F: Array, row: Array, Q: Array) -> Array:
 
 
 def with_disturbance(plant: LinearPlant) -> Array:
-    """(n + 1, n + 1) next state and disturbance by both."""
+    """(n + 1, n + 1) transition matrix of state and disturbance."""
     n = plant.row.size
     F = np.eye(n + 1)
     F[:n, :n], F[:n, n] = plant.A, plant.B.sum(axis=1)
@@ -77,18 +78,18 @@ def with_disturbance(plant: LinearPlant) -> Array:
 
 
 def law(plant: LinearPlant, horizon: int, rate_weight: float, terminal_weight: Array) -> tuple[Array, float]:
-    """The first torque of the program by what is known; the reference is zero and no bound is active.
+    """The first torque of the program as a linear law, for a zero reference and no active bound.
 
     Returns:
-        (n + 1 + late + 1,) by estimate (z, d) and torques u[k-1], ..., u[k-late-1]; and the largest magnitude of the
-        poles that it gives the plant, below one if the horizon is long enough for it.
+        (n + 1 + late + 1,) gains for the estimate (z, d) and the torques u[k-1], ..., u[k-late-1]; and the largest
+        magnitude of the closed-loop poles with state feedback, below one if the horizon is long enough.
     """
     from scipy.linalg import cho_factor, cho_solve, toeplitz
 
     n, late = plant.row.size, plant.late
-    M = np.eye(n + 2)  # of state, disturbance and last torque, which goes on
+    M = np.eye(n + 2)  # of state, disturbance and last torque; the torque stays constant
     M[:n, :n], M[:n, n], M[:n, n + 1] = plant.A, plant.B.sum(axis=1), plant.B.sum(axis=1)
-    G = np.append(plant.B[:, 0], (0.0, 1.0))  # by a change of the torque
+    G = np.append(plant.B[:, 0], (0.0, 1.0))  # effect of a change of the torque
     reaction, ahead, look = np.empty((horizon, n + 2)), G, np.eye(2, n + 2)
     free = np.empty((horizon, 2, n + 2))
     for k in range(horizon):
@@ -104,18 +105,18 @@ def law(plant: LinearPlant, horizon: int, rate_weight: float, terminal_weight: A
         raise FloatingPointError("the motion over the horizon overflows")
     first = cho_solve(cho_factor(normal), np.eye(1, horizon)[0])
     change = -(first @ answers.T) @ targets
-    closed = np.delete(np.delete(M + np.outer(G, change), n, 0), n, 1)  # nothing moves the disturbance
+    closed = np.delete(np.delete(M + np.outer(G, change), n, 0), n, 1)  # without the uncontrollable disturbance
     slowest = float(np.max(np.abs(np.linalg.eigvals(closed))))
-    change[n + 1] += 1.0  # the torque is the last one and its change
+    change[n + 1] += 1.0  # the torque is the last one plus its change
 
-    # From the state when the torque acts to the estimate of now and the torques under way.
+    # Express the state at the time when the torque acts by the present estimate and the torques not yet effective.
     if not late:
         return change, slowest
     whole = np.zeros(n + 1 + late + 1)
     F = with_disturbance(plant)
     reach = change[: n + 1]
     whole[n + 1] = change[n + 1]
-    for i in range(late):  # torque u[k-1-i] acts during sample late-1-i, and before it a sample later
+    for i in range(late):  # torque u[k-1-i] acts during sample late-1-i, and is the previous torque one sample later
         whole[n + 1 + i] += reach[:n] @ plant.B[:, 0]
         whole[n + 2 + i] += reach[:n] @ plant.B[:, 1]
         reach = reach @ F
@@ -125,15 +126,15 @@ def law(plant: LinearPlant, horizon: int, rate_weight: float, terminal_weight: A
 
 @dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """What a loop is worth.
+    """Key figures of a loop.
 
     Attributes:
         peak_sensitivity: max |1/(1 + L)|; inf if the loop is not stable.
-        delay_margin: least dead time that makes it oscillate [s]; inf if none does.
-        chatter: standard deviation of the change of the torque from sample to sample that noise makes [N m], of a load
-            that moves or of one that its friction holds, whichever is more; inf if the controller is not stable by
-            itself. What its friction holds answers nothing, and leaves the controller alone.
-        error: root of the integral of the squared error after a step of the load's torque of 1 N m [rad sqrt(s)].
+        delay_margin: least additional dead time that makes it oscillate [s]; inf if none does.
+        chatter: standard deviation of the change of the torque from sample to sample due to noise [N m]: the larger
+            value of a moving load and of a load held by friction. A held load does not respond, so its loop is open;
+            inf if the controller alone is not stable.
+        error: root of the integral of the squared error after a load torque step of 1 N m [rad sqrt(s)].
     """
 
     peak_sensitivity: float
@@ -143,14 +144,14 @@ class Assessment:
 
 
 def assess(plant: LinearPlant, gain: Array, law: tuple[Array, float], noise: float) -> Assessment:
-    """The loop of filter and law (its poles are those of both); the noise of the reading is white, its std in [rad]."""
+    """Assess the loop of filter and law (its poles are those of both); `noise`: white measurement noise, std [rad]."""
     f, z = FREQUENCIES, np.exp(2j * np.pi * FREQUENCIES)
     turned, controller = responses(plant, gain, law[0], z)
     w, L = 2 * np.pi * f / plant.sample_time, -turned * controller
     S = 1.0 / (1.0 + L)
     crossings = np.flatnonzero(np.diff(np.abs(L) >= 1.0))
     share = np.log(np.abs(L[crossings])) / np.log(np.abs(L[crossings] / L[crossings + 1]))
-    lags = np.mod(np.angle(-L), 2 * np.pi)  # up to the point -1
+    lags = np.mod(np.angle(-L), 2 * np.pi)  # phase margin, up to the point -1
     lag, at = (each[crossings] + share * (each[crossings + 1] - each[crossings]) for each in (lags, w))
     change = np.abs(controller * (z - 1.0)) ** 2
     loud = max(np.trapezoid(change * np.abs(S) ** 2, f), np.trapezoid(change, f))
@@ -163,14 +164,14 @@ def assess(plant: LinearPlant, gain: Array, law: tuple[Array, float], noise: flo
 
 
 def _stable_alone(plant: LinearPlant, gain: Array, law: Array) -> bool:
-    """Whether the controller settles while the reading stands; beside its integrator, whose pole is one."""
+    """Whether the controller is stable with a constant measurement, apart from its integrator with a pole at one."""
     poles = np.linalg.eigvals(feedback(plant, gain, law)[0])
     poles[np.argmin(np.abs(poles - 1.0))] = 0.0
     return bool(np.max(np.abs(poles)) < 1.0)
 
 
 def feedback(plant: LinearPlant, gain: Array, law: Array) -> tuple[Array, Array, Array, Array]:
-    """A, B, C and D from the reading to the torque, with its sign.
+    """A, B, C and D of the controller from measurement to torque, sign included.
 
     The state is the last estimate (z, d) and the torques u[k-1], ..., u[k-late-2].
     """
@@ -190,7 +191,7 @@ def feedback(plant: LinearPlant, gain: Array, law: Array) -> tuple[Array, Array,
 
 
 def responses(plant: LinearPlant, gain: Array, law: Array, z: Complex) -> tuple[Complex, Complex]:
-    """(M,) from torque to reading, and from reading to torque with its sign, at points of the unit circle."""
+    """(M,) plant (torque to measurement) and controller (measurement to torque, sign included) on the unit circle."""
     n, late = plant.row.size, plant.late
     eye, back = np.eye(n + 1), 1.0 / z
     torque = np.zeros((z.size, n + 1), dtype=complex)

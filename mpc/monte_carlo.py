@@ -1,4 +1,4 @@
-"""Closed loops in great number: on machines given one by one, or drawn around a nominal one."""
+"""Many closed-loop simulations: on given machines, or on machines randomly drawn around a nominal one."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ DRAWN = (
     "flank_stiffness",
     "flank_damping",
 )
-"""Fields of the rig that are uncertain by default."""
+"""Fields of the test bench that are drawn by default."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """One closed loop to run, see `mpc.closed_loop`; for workers that are processes it must be picklable.
+    """One closed loop to simulate, see `mpc.closed_loop`; it must be picklable for an executor of processes.
 
     Attributes:
-        design: makes a fresh controller, say `functools.partial(Controller, model, gears, min_torque=0.05)`.
-        rig: the machine.
-        reference: wanted load angle [rad]: samples, the last of them held, or a function of time (M,) [s].
+        design: returns a new controller, e.g. `functools.partial(Controller, model, gears, min_torque=0.05)`.
+        rig: the test bench.
+        reference: wanted load angle [rad]: samples, the last one is held, or a function of time (M,) [s].
         duration: [s].
-        seed: of the encoder's noise.
+        seed: of the encoder noise.
     """
 
     design: Callable[[], Controller]
@@ -53,18 +53,18 @@ class Trial:
     seed: int
 
     def outcome(self) -> tuple[float, float, int, float]:
-        """Run it: tracking rms, least flank torque, degraded samples, heat."""
+        """Simulate it: tracking rms, minimum contact torque, degraded samples, heat."""
         loop = closed_loop(self.design(), self.rig, self.reference, self.duration, self.seed)
         return loop.tracking_rms, loop.least_flank_torque, loop.degraded, loop.heat
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
-    """What came of R closed loops.
+    """Results of R closed loops.
 
     Attributes:
-        tracking_rms: (R,) root mean square of angle less reference [rad].
-        least_flank_torque: (R,) least torque of any required flank [N m], follower side.
+        tracking_rms: (R,) root mean square of angle minus reference [rad].
+        least_flank_torque: (R,) minimum contact torque [N m], at the output gear.
         degraded: (R,) number of samples whose status was not "optimal".
         heat: (R,) mean of xi1^2 + xi2^2 [N^2 m^2].
     """
@@ -82,11 +82,11 @@ class Sweep:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MonteCarlo(Sweep):
-    """What came of R closed loops on machines drawn around a nominal one.
+    """Results of R closed loops on machines randomly drawn around a nominal one.
 
     Attributes:
-        names: (P,) fields of the rig that were drawn.
-        factors: (R, P) what they were multiplied by.
+        names: (P,) fields of the test bench that were drawn.
+        factors: (R, P) factors on their nominal values.
     """
 
     names: tuple[str, ...]
@@ -99,16 +99,16 @@ def sweep(
     executor: Executor | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Sweep:
-    """Run closed loops, each by itself.
+    """Simulate closed loops, independently of each other.
 
     Args:
-        trials: what to run.
-        executor: any of `concurrent.futures`, see `plant.executors.in_order`; None runs one after the other here. The
-            results are the same to the last bit.
-        progress: called with a line of text as each result comes, in the order of the trials.
+        trials: the closed loops.
+        executor: any of `concurrent.futures`, see `plant.executors.in_order`; None: one after the other in this
+            process. The results are the same to the last bit.
+        progress: called with a line of text for each result, in the order of the trials.
 
     Raises:
-        BadParameter: there are none.
+        BadParameter: there is no trial.
     """
     if not trials:
         raise BadParameter("A sweep needs at least one trial.")
@@ -143,19 +143,19 @@ def monte_carlo(
 ) -> MonteCarlo:
     """One controller on many machines: each field is multiplied by a factor uniform in [1 - spread, 1 + spread].
 
-    Machine i and its noise depend on (seed, i) alone, so more runs leave the first ones what they were. The controllers
-    share their machine code: a model's numbers are data of it, so nothing is compiled twice.
+    Machine i and its noise depend only on (seed, i), so a larger `runs` does not change the first results. The
+    controllers share their machine code: the model parameters are data, so it is compiled once.
 
     Args:
         design, rig, reference, duration: see `Trial`; the rig is the nominal one.
         runs: R.
-        spread: below one.
+        spread: relative, below one.
         seed: of machines and noise.
-        names: fields of the rig that are drawn.
+        names: fields of the test bench that are drawn.
         executor, progress: see `sweep`.
 
     Raises:
-        BadParameter: a number out of range, a name that is no such field, or a machine that cannot be.
+        BadParameter: a number out of range, an unknown field, or an invalid machine.
     """
     for name, number, least in (("runs", runs, 1), ("seed", seed, 0)):
         if (count := whole(number)) is None or count < least:
@@ -177,5 +177,5 @@ def monte_carlo(
 
 
 def _times(value: float | tuple[float, ...], factor: float) -> float | tuple[float, ...]:
-    """A number of the rig, or one for each of its drives, multiplied."""
+    """A number of the test bench, or one for each of its drives, multiplied by a factor."""
     return tuple(v * float(factor) for v in value) if isinstance(value, tuple) else value * float(factor)

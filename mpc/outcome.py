@@ -1,4 +1,4 @@
-"""What comes of a plan: the torques of the drives over the horizon, the predicted course, and what is left of contact.
+"""Results of a plan: drive torques over the horizon, predicted motion, and margin of contact.
 
 See plan_ahead and hold in step.c.
 """
@@ -18,10 +18,10 @@ from mpc.split import split
 def outcome(
     n: int, limited: bool, plan: Any, rub: Any, states: Any, s: Any, preload: Any, split_numbers: Any, **known: Any
 ) -> dict[str, Any]:
-    """As expressions by name.
+    """The results as expressions by name.
 
-    Angles (N + 1,), accelerations (N,) and torques (2N,); load and preload from now on; the least margin, what the
-    drives put out, whether all is finite, and whether a limit is predicted to be broken.
+    Angles (N + 1,), accelerations (N,) and torques (2N,); load torque and preload of the present sample; the smallest
+    margin, the present drive output torque, whether all values are finite, and whether the plan violates a limit.
     """
     N, m, tuning = rub.numel(), n + 1, known["tuning"]
     late = states.numel() // n - N - 1
@@ -48,7 +48,7 @@ def outcome(
 
 
 def holding(preload: Any, split_numbers: Any, plan: Any) -> dict[str, Any]:
-    """As expressions by name: N times torques that keep the teeth together and move the load as little as they can."""
+    """Expressions by name for N samples with torques that keep contact with as little follower torque as possible."""
     one, after = prepared(split()).function, preload
     torques: list[Any] = []
     first: list[Any] = []
@@ -61,7 +61,7 @@ def holding(preload: Any, split_numbers: Any, plan: Any) -> dict[str, Any]:
 
 
 def _broken(angle: Any, speed: Any, soft: Any) -> Any:
-    """Whether a limit of angle or speed is broken, by more than noise."""
+    """Whether a limit of angle or speed is violated by more than noise."""
     low, high = soft[Soft.LOWEST] - soft[Soft.SHOWS], soft[Soft.HIGHEST] + soft[Soft.SHOWS]
     too_fast = ca.fabs(speed) > soft[Soft.FASTEST] + soft[Soft.SHOWS_SPEED]
     return ca.logic_or(ca.logic_or(angle < low, angle > high), too_fast)

@@ -1,4 +1,4 @@
-"""The model looking ahead: states over a horizon and how they answer to the torques."""
+"""Prediction by the model: states over a horizon and their derivatives by states and torques."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Trajectory:
     """States over M samples and their derivatives.
 
     Attributes:
-        states: (M + 1, n) states, the first one given [rad, rad/s, effect states].
-        state_jacobians: (M, n, n) of each next state by its state.
-        torque_jacobians: (M, n, 2) of each next state by the torque during the sample and the one before it.
+        states: (M + 1, n) states [rad, rad/s, effect states]; the first one is given.
+        state_jacobians: (M, n, n) derivative of each next state by its state.
+        torque_jacobians: (M, n, 2) derivative of each next state by the torque during the sample and the one before.
     """
 
     states: Array
@@ -37,16 +37,16 @@ class Trajectory:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Predictor:
-    """A servo model, sampled, with a constant disturbing torque beside the command.
+    """A sampled servo model with a constant disturbance torque in addition to the command.
 
         z[k+1] = step(z[k], tau[k] + d, tau[k-1] + d)
 
-    The second torque acts until a delay of less than a sample has passed; whole samples of delay are the caller's.
+    The second torque acts during the fractional part of the dead time; the caller applies its whole samples.
 
     Attributes:
         model: the servo.
         sample_time: [s].
-        switch: part of the input delay inside a sample [s].
+        switch: fractional part of the dead time inside a sample [s].
     """
 
     model: ServoModel
@@ -55,28 +55,28 @@ class Predictor:
 
     @cached_property
     def parameters(self) -> Array:
-        """(P + 1,) parameter values, the delay reduced to its part inside a sample, then the sample time."""
+        """(P + 1,) parameter values, with the fractional dead time only, then the sample time."""
         return np.append(at_switch(self.model, self.switch), self.sample_time)
 
     @cached_property
     def stage(self) -> Any:
-        """One sample ahead, see `stage`."""
+        """Prediction of one sample, see `stage`."""
         steps = integration_steps(self.model, self.sample_time)
         return stage(Structure(self.model), steps, 1 if settles_slowly(self.model, self.sample_time) else 3)
 
     @cached_property
     def along(self) -> Prepared:
-        """The same for many samples in a row, all with these parameters."""
+        """The same for many samples in a row with constant parameters, see `mpc.prepared`."""
         return prepared(self.stage)
 
     @cached_property
     def prepared(self) -> Array:
-        """(Q,) the numbers that it takes for these parameters."""
+        """(Q,) the prepared numbers of these parameters."""
         return self.along.of(self.parameters)
 
     @cached_property
     def sensor(self) -> Any:
-        """(state, parameters) -> what the sensor shows [rad] and its derivative by the state (n,)."""
+        """(state, parameters) -> predicted measurement [rad] and its derivative by the state (n,)."""
         z, p = ca.SX.sym("z", len(self.model.states)), ca.SX.sym("p", self.parameters.size)
         shown = sample_reading(self.model)(z, p[:-1])
         return ca.Function("sensor", [z, p], [shown, ca.densify(ca.jacobian(shown, z).T)])
@@ -86,7 +86,7 @@ class Predictor:
         return {}
 
     def look_ahead(self, state: Array, torques: Array, disturbance: float) -> Trajectory:
-        """Follow the model over M samples.
+        """Simulate the model over M samples.
 
         Args:
             state: (n,) first state.
@@ -111,7 +111,7 @@ class Predictor:
 
 @lru_cache(maxsize=64)
 def stage(structure: Structure, substeps: int, settling: int) -> Any:
-    """One sample ahead with its derivatives, as a `casadi.Function` of a model's equations.
+    """Prediction of one sample with its derivatives, as a `casadi.Function`.
 
     (state (n,), torques (2,) now and before, parameters (P + 1,)) -> next state (n,), its derivatives by the state
     (n, n) and by the torques (n, 2).

@@ -1,7 +1,7 @@
-"""A function whose parameters stay the same over many calls, with what depends on them alone calculated once.
+"""A function with constant parameters over many calls; expressions of the parameters alone are computed once.
 
-Along a horizon one sample follows the next under the same inertia, friction and sample time. What these make by
-themselves is told apart, and a division by it becomes a product: it takes a processor a quarter of the time.
+All samples of a horizon have the same inertia, friction and sample time. Subexpressions that depend only on these are
+precomputed, and a division by one becomes a multiplication, in about a quarter of the time.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prepared:
-    """The function of prepared numbers, and what prepares them.
+    """A function of prepared numbers, and the function that computes these.
 
     Attributes:
-        function: as the one that it comes from, but with prepared numbers (Q,) as its last argument.
+        function: the original function, but with prepared numbers (Q,) as its last argument.
         numbers: parameters (P,) -> prepared numbers (Q,).
     """
 
@@ -30,19 +30,19 @@ class Prepared:
     numbers: Any
 
     def of(self, parameters: Array) -> Array:
-        """(Q,) prepared numbers for some parameters."""
+        """(Q,) prepared numbers of the given parameters."""
         return np.asarray(self.numbers(parameters), dtype=np.float64).ravel()
 
 
 @dataclass(eq=False)
 class _Value:
-    """A number on its way through the function.
+    """An intermediate value of the function.
 
     Attributes:
-        own: as an expression of arguments and prepared numbers, or of the parameters alone.
-        constant: whether it depends on nothing.
+        own: its expression, of arguments and prepared numbers, or of the parameters alone.
+        constant: whether it is a constant.
         parametric: whether it depends on the parameters alone.
-        places: of itself and of its inverse among the prepared numbers, once they are there.
+        places: symbols of the value (False) and of its inverse (True) among the prepared numbers, once created.
     """
 
     own: Any
@@ -52,7 +52,7 @@ class _Value:
 
 
 class _Telling:
-    """Walks through the operations of a function of scalars and tells apart what its last argument makes alone."""
+    """Separates the operations of a function of scalars that depend only on its last argument."""
 
     def __init__(self, function: Any) -> None:
         self.given = [ca.SX.sym(f"i{place}", function.sparsity_in(place)) for place in range(function.n_in())]
@@ -90,11 +90,11 @@ class _Telling:
         return _Value(_applied(operation, [self._within(value) for value in values]))
 
     def _within(self, value: _Value) -> Any:
-        """A number where arguments and prepared numbers are at hand."""
+        """The value as an expression of arguments and prepared numbers."""
         return self._number(value) if value.parametric else value.own
 
     def _number(self, value: _Value, inverse: bool = False) -> Any:
-        """The place of a number, or of its inverse, among those that are prepared."""
+        """The symbol of a value, or of its inverse, among the prepared numbers."""
         if inverse not in value.places:
             self.expressions.append(1 / value.own if inverse else value.own)
             self.symbols.append(ca.SX.sym("q"))
@@ -104,7 +104,7 @@ class _Telling:
 
 @lru_cache(maxsize=64)
 def prepared(function: Any) -> Prepared:
-    """Tell apart what the last argument of a function of scalars makes by itself."""
+    """Separate the expressions of the last argument alone from a function of scalars."""
     telling = _Telling(function)
     *arguments, parameters = telling.given
     numbers = ca.cse(ca.vertcat(*telling.expressions))

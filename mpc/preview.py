@@ -1,4 +1,4 @@
-"""What the reference will be: beyond a single number, and beyond the horizon."""
+"""Extrapolation of the reference: of a scalar over the horizon, and of a path beyond the horizon."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from mpc.slots import Told
 
 @cache
 def preview() -> Any:
-    """The speed of a caller who only tells the wanted angle of now, as a `casadi.Function`.
+    """Estimated speed of a scalar reference, as a `casadi.Function`.
 
-    (what was told (4,), see `mpc.slots.Told`; angle, attainable) -> what was told, change of angle from sample to
-    sample. A number goes on at its speed if it has been moving smoothly: by no more than `attainable`
-    beside a straight line, which is what the machine could follow.
+    (memory (4,), see `mpc.slots.Told`; angle, attainable) -> memory, change of the angle per sample. The reference is
+    extrapolated at its speed if its motion is smooth, otherwise the speed is zero. It is smooth if its second
+    difference is at most `attainable`, so that the machine can follow.
     """
     told, angle, attainable = ca.SX.sym("told", len(Told)), ca.SX.sym("angle"), ca.SX.sym("attainable")
     count = ca.fmin(told[Told.COUNT] + 1, 3)
@@ -27,9 +27,9 @@ def preview() -> Any:
 
 
 def prolonged(path: Any, count: int) -> Any:
-    """A path of expressions, at least three samples, with `count` more: it goes on at its last acceleration.
+    """A path of at least three samples, as expressions, extrapolated by `count` samples at its last acceleration.
 
-    At its last speed alone it would fall behind a reference that bends, and drag the end of the plan with it.
+    With constant speed it would lag behind an accelerating reference and distort the end of the plan.
     """
     last = path.numel() - 1
     speed = path[last] - path[last - 1]

@@ -8,19 +8,19 @@ from mpc.riccati import ALL_ROWS, TORQUE_ALONE
 from mpc.sweeps import CERTIFIED, Sweeps
 
 ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
-"""Bound on the sweeps of each method; two are usual, 20 where other intervals than those of the torque are active."""
+"""Greatest number of sweeps of each method; two are usual, 20 if intervals other than the torque's are active."""
 
 
 class QuadraticProgram(Sweeps):
-    """The program of `mpc.riccati`, with what solves it."""
+    """The program of `mpc.riccati` with its solvers."""
 
     def solve(self) -> float:
-        """The minimiser in `e`; the residual, inf if none was certified.
+        """Write the minimiser to `e`; returns the residual, inf if it is not certified.
 
-        The active set ends at the minimiser after a few sweeps, but may cycle. Then the interior point method guesses
-        it anew, or, where other intervals than those of the torque are active, is itself the answer. Nothing is
-        believed without `residual`; where leaving an interval has a price, that little would be dear, and the active
-        set must have come to its end too.
+        The active set method reaches the minimiser after a few sweeps, but may cycle. Then the interior point method
+        gives a new initial active set, or, if the program has intervals other than the torque's, the solution itself.
+        `residual` certifies the result. With such intervals the active set must also have converged, because a small
+        residual times a high price may change the cost noticeably.
         """
         settled = find_active_set(self)
         if (residual := self.residual()) <= CERTIFIED and (settled or self.rows == TORQUE_ALONE):

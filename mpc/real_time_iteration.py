@@ -1,4 +1,4 @@
-"""The real-time iteration: the model linearised along the last solution, and the quadratic program of that solved.
+"""Real-time iteration: linearise the model along the last solution, and solve the resulting quadratic program.
 
 See the functions of the same names in step.c.
 """
@@ -25,18 +25,18 @@ from mpc.sweeps import CERTIFIED
 Array = NDArray[np.float64]
 
 CONVERGED = 1e-9
-"""Change of the torques at which a full solution ends, in units of the greatest torque."""
+"""Change of the torques below which the iteration has converged, in units of the greatest torque."""
 
 
 class RealTimeIteration:
-    """One program a sample, or on request as many as it takes until the torques change no more.
+    """One program per sample, or several until the torques converge.
 
     Attributes:
         program: the quadratic program.
     """
 
     def __init__(self, sizes: Mapping[str, int], arrays: Mapping[str, Array], predictor: Predictor) -> None:
-        """On the arrays of a controller."""
+        """Work on the arrays of a controller."""
         N, self._late, self._passes = sizes["horizon"], sizes["late"], sizes["passes"]
         self._a, self._stage, self._n = arrays, predictor.along.function, len(predictor.model.states)
         self.program = QuadraticProgram(arrays, sizes["rounds"])
@@ -48,7 +48,7 @@ class RealTimeIteration:
         self._linearise = fused("linearise", arrays, reads, self._linearised, operations=work, in_place=own)
 
     def optimise(self) -> float:
-        """Linearise, solve, and go on with the torques found; the residual."""
+        """Linearise, solve, and repeat with the new torques if requested; returns the residual."""
         a, program = self._a, self.program
         residual = float("inf")
         for place in range(self._passes):
@@ -57,7 +57,7 @@ class RealTimeIteration:
             self._linearise()
             residual = program.solve()
             a["plan"][0] = residual <= CERTIFIED
-            if not a["plan"][0]:  # the guess, as far as the bounds let it stand
+            if not a["plan"][0]:  # fall back to the guess, clipped to the bounds
                 program.bounds[:, 0] = -1.0
                 program.bounds[:, 1] = np.clip(0.0, program.bounds[:, 1], program.bounds[:, 2])
                 program.bounds[:, 2] = program.bounds[:, 1]
@@ -68,7 +68,7 @@ class RealTimeIteration:
         return residual
 
     def _linearised(self, past: Any, guess: Any, rubs: Any, rub: Any, **known: Any) -> dict[str, Any]:
-        """The program around the course of the model under the guess."""
+        """The program, linearised along the prediction of the model with the guess."""
         late, N, n, dt = self._late, guess.numel(), self._n, known["model"][-1]
         kalman, ahead, step = known["kalman"], known["ahead"][late:], known["tuning"][Tuning.TORQUE_STEP]
         held, state = ca.vertcat(past[1 : late + 2], guess) + kalman[Kalman.DISTURBANCE], kalman[3 : 3 + n]
@@ -88,7 +88,7 @@ class RealTimeIteration:
         ranges, unit = [], ca.MX(0)
         for k, (low, high, _) in enumerate(reached):
             unit = ca.fmax(unit, ca.fmax(ca.fabs(low), ca.fabs(high)))
-            ranges += [low - rub[k], high - rub[k]]  # what is left to the net torque
+            ranges += [low - rub[k], high - rub[k]]  # range of the net torque
         kept = [known["bounds"][3 * k] for k in range(N)]
         bounds = [(kept[k], ranges[2 * k] - guess[k], ranges[2 * k + 1] - guess[k]) for k in range(N)]
         made |= {
@@ -105,9 +105,9 @@ class RealTimeIteration:
 
 
 def within_rate(ends: list[tuple[Any, Any]], last: Any, step: Any) -> list[tuple[Any, Any, Any]]:
-    """What of the ranges (N,) can be reached from a last torque in steps of bounded size, and these sizes [N m].
+    """The parts of the ranges (N,) that are reachable from the last torque under a rate limit, and these steps [N m].
 
-    Where the range is out of reach the step yields, and the torque goes to the nearest end.
+    If a range is out of reach, the rate limit is relaxed, and the torque goes to the nearest end.
     """
     low, high, reached = last, last, []
     for least, most in ends:
@@ -120,7 +120,7 @@ def within_rate(ends: list[tuple[Any, Any]], last: Any, step: Any) -> list[tuple
 def _confined(
     course: list[Any], ahead: Any, steps: list[Any], changes: Any, rub: Any, rubbed: Any, soft: Any, dt: Any
 ) -> Any:
-    """The intervals of the numbers beside the torque, less what the guess makes of them."""
+    """The intervals of the constrained quantities other than the torque, relative to their values with the guess."""
     memory, fence = enter()(course[0][:2], soft), []
     for k, step in enumerate(steps):
         memory, (least, most, slowest, fastest) = _corridor(memory, ahead[k : k + 3], soft, dt)

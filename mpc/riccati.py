@@ -1,16 +1,16 @@
-"""The quadratic program of the controller, stage by stage: sweeps whose work grows linearly with the horizon.
+"""The quadratic program of the controller, stage by stage: the work of a sweep grows linearly with the horizon.
 
-Around a course of the model the torques of the horizon change by e[k], the states by z[k] (z[0] = 0, e[-1] = 0):
+Relative to a prediction of the model the torques change by e[k] and the states by z[k] (z[0] = 0, e[-1] = 0):
 
     minimise    1/2 sum_k (miss[k] + z[k]_angle)^2 + 1/2 w sum_k (rate[k] + e[k] - e[k-1])^2
                 + 1/2 (end + z[N]_angle,velocity)' P (end + z[N]_angle,velocity)
     subject to  z[k+1] = A[k] z[k] + B[k] [e[k], e[k-1]],    low[k] <= e[k] <= high[k]
 
-and, if a controller has such limits, with intervals for three more numbers of a stage: the change e[k] - e[k-1], and
-angle and velocity of z[k+1]. The last two may leave theirs at a price (`mpc.sweeps`).
+If the controller has such limits, three more quantities of a stage have intervals: the change e[k] - e[k-1], and angle
+and velocity of z[k+1]. The intervals of the last two are soft, with a price (`mpc.sweeps`).
 
-The state of a stage is s = (z[k], e[k-1]). The cost to go from it is the parabola 1/2 s'Vs + v's. A torque is free, or
-held at a bound; for every number q of a stage that has an interval the `interior_point` method adds 1/2 d q^2 + g q.
+The state of a stage is s = (z[k], e[k-1]); the cost to go is the parabola 1/2 s'Vs + v's. A torque is free, or held at
+a bound. The solvers add the cost term 1/2 d q^2 + g q for each constrained quantity q of a stage.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from typing import Any
 import casadi as ca
 
 TORQUE_ALONE, ALL_ROWS = 1, 4
-"""How many numbers of a stage have an interval: the torque, or also its change, the next angle and velocity."""
+"""Number of constrained quantities of a stage: the torque, or also its change, the next angle and velocity."""
 
 
 def triangle(m: int) -> Any:
-    """Where the upper triangle of V is, column by column."""
+    """Sparsity of the upper triangle of V, column by column."""
     return ca.Sparsity.upper(m)
 
 
@@ -37,11 +37,11 @@ def _dynamics(n: int) -> tuple[Any, Any, Any, Any]:
 
 @cache
 def backward(n: int, rows: int = TORQUE_ALONE) -> Any:
-    """The cost to go one stage earlier, and the law that attains it, as a `casadi.Function`.
+    """The cost to go one stage earlier, and the optimal law, as a `casadi.Function`.
 
     (V, v, A, B, [miss, rate], [held, low, high], [d, g of each row], w) -> V, v, law; held is 0 for a free torque, -1
-    for one at its lower, 1 for one at its upper bound. The law (2n + 5,) is K, k of e = Ks + k, then the derivative of
-    the cost by e, Q_ee e + Q_es s + q_e, as Q_es, q_e, Q_ee.
+    at the lower and 1 at the upper bound. The law (2n + 5,) has K, k of e = Ks + k, then Q_es, q_e, Q_ee of the
+    derivative of the cost by e, Q_ee e + Q_es s + q_e.
     """
     m = n + 1
     triangular, v = ca.SX.sym("V", triangle(m)), ca.SX.sym("v", m)
@@ -74,11 +74,11 @@ def backward(n: int, rows: int = TORQUE_ALONE) -> Any:
 
 @cache
 def forward(n: int) -> Any:
-    """One stage on by the law, as a `casadi.Function`: (s, A, B, law, [held, low, high]) -> s, e, held.
+    """One stage forward by the law, as a `casadi.Function`: (s, A, B, law, [held, low, high]) -> s, e, held.
 
-    The last output is the correction of the guess which bounds hold: a free torque beyond a bound is held there, a held
-    one that the cost pulls inside is let go, to the other bound if it is pulled as far (the primal-dual active set
-    method; Hintermueller, Ito, Kunisch 2002).
+    The last output is the updated active bound (primal-dual active set method; Hintermueller, Ito, Kunisch 2002): a
+    free torque beyond a bound is held there. A held torque is released if the cost decreases inside, or moves to the
+    other bound if its unconstrained step is that long.
     """
     m = n + 1
     s, law, bounds = ca.SX.sym("s", m), ca.SX.sym("law", 2 * m + 3), ca.SX.sym("bounds", 3)
@@ -95,9 +95,9 @@ def forward(n: int) -> Any:
 def slope(n: int, rows: int = TORQUE_ALONE) -> Any:
     """The derivative of the cost by e, from the costate, as a `casadi.Function`.
 
-    (costate (n + 1,) behind the stage, s, e, A, B, [miss, rate], force of each row, w) -> costate before it and
+    (costate (n + 1,) after the stage, s, e, A, B, [miss, rate], force of each row, w) -> costate before the stage and
     derivative. A force is the multiplier of an interval, positive at its upper end; that of the torque itself is left
-    out. It knows nothing of how e was found, and so it certifies it.
+    out. The computation does not use the method that found e, so it certifies e independently.
     """
     m = n + 1
     costate, s, e = ca.SX.sym("costate", m), ca.SX.sym("s", m), ca.SX.sym("e")
@@ -112,5 +112,5 @@ def slope(n: int, rows: int = TORQUE_ALONE) -> Any:
 
 
 def _filled(expression: Any) -> Any:
-    """With every place of its pattern, a vector with all of them."""
+    """A column vector made dense; other expressions unchanged."""
     return ca.densify(expression) if expression.is_column() else expression

@@ -21,10 +21,10 @@ from plant.simulation import beginning
 Array = NDArray[np.float64]
 
 _LONGEST = 100.0
-"""Greatest time that is looked at, in units of the time that inertia alone would take."""
+"""Greatest duration, in units of the shortest one for inertia alone."""
 
 _TIDY = 1e-6
-"""Weight of heat beside time: it only settles what time leaves open, the preload where no bound asks for it."""
+"""Weight of heat besides time: it only determines the remaining freedom, the preload where no bound determines it."""
 
 _OPTIONS: Any = {
     "print_time": False,
@@ -35,30 +35,30 @@ _OPTIONS: Any = {
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingServo(ServoModel):
-    """A servo that goes one way from rest to rest: dry friction is then a smooth torque against it.
+    """A servo that moves in one direction from rest to rest: dry friction is then a smooth torque against the motion.
 
     Attributes:
-        sense: of the way, 1 or -1.
+        sense: direction of the move, 1 or -1.
     """
 
     sense: float = 1.0
 
     @classmethod
     def of(cls, model: ServoModel, sense: float) -> Self:
-        """The same servo on its way."""
+        """The same servo in a move in one direction."""
         own = {spec.name: getattr(model, spec.name) for spec in parameters_of(ServoModel)}
         return cls(**own, effects=model.effects, axis=model.axis, sense=sense)
 
     @property
     def structure(self) -> tuple[Any, ...]:
-        """What the equations depend on besides numbers."""
+        """Everything besides parameter values that determines the equations."""
         return (*super().structure, self.sense)
 
     def dry_friction(self, at: Moment) -> None:
-        """None that could hold the load."""
+        """None: sliding friction is part of `smooth_acceleration`."""
 
     def smooth_acceleration(self, at: Moment, own: Mapping[str, tuple[Any, ...]] | None = None) -> Expression:
-        """With the friction of sliding."""
+        """The acceleration with sliding friction."""
         forward, backward = super().dry_friction(at) or (0.0, 0.0)
         against = forward if self.sense > 0 else -backward
         return super().smooth_acceleration(at, own) - against / self.load_inertia(at)
@@ -66,13 +66,13 @@ class SlidingServo(ServoModel):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shot:
-    """What the solver found.
+    """The result of the solver.
 
     Attributes:
         states: (N + 1, n) of the model without its dead zone.
-        magnitudes: (N, 2) drive torques in their senses [N m], inside their bounds.
+        magnitudes: (N, 2) drive torques in their directions [N m], inside their bounds.
         duration: [s].
-        outcome: what IPOPT says.
+        outcome: return status of IPOPT.
     """
 
     states: Array
@@ -83,7 +83,7 @@ class Shot:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Block:
-    """Some variables of the program with their bounds and first guess, or some of its rows; a column for a stage."""
+    """Variables of the program with bounds and first guess, or constraints with bounds; one column per stage."""
 
     symbols: Any
     lower: Any
@@ -91,23 +91,24 @@ class _Block:
     guess: Any = 0.0
 
     def flat(self, name: str) -> Array:
-        """Bounds or guess, one column after another."""
+        """Bounds or guess, column by column."""
         return np.broadcast_to(getattr(self, name), self.symbols.shape).ravel("F")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shooting:
-    """States at N + 1 times; between them a torque u behind the dead zone and drive torques x, held.
+    """States at N + 1 times; in each interval a constant torque u after the dead zone and constant drive torques x.
 
-    All in units of their own, so that motors of 0.01 and of 100 N m are alike to the solver: x of the greatest torque,
-    u of what both reach together, angles of the way, times of what is expected.
+    All variables are scaled, so that the solver behaves alike for motors of 0.01 and of 100 N m: x by the greatest
+    torque, u by the torque of both drives together, angles by the length of the move, times by the expected duration.
 
     Attributes:
         model: the servo.
         bounds: of two drives on one joint.
         start, goal: angles [rad].
         intervals: N.
-        speed_limit: of the load [rad/s], at the ends of the intervals; a held torque goes no further in between.
+        speed_limit: of the load [rad/s], at the ends of the intervals; with a constant torque the speed inside stays
+            below it.
     """
 
     model: ServoModel
@@ -119,7 +120,7 @@ class Shooting:
 
     @property
     def begin(self) -> Array:
-        """(n,) the first state, at rest."""
+        """(n,) the initial state, at rest."""
         return beginning(self.model, angle=self.start)
 
     @property
@@ -128,27 +129,27 @@ class Shooting:
 
     @cached_property
     def _servo(self) -> SlidingServo:
-        """The model behind what `_command` undoes."""
+        """The model without the dead zone and saturation, which `_command` and `_limit` represent."""
         behind = self.model.without_effect("dead_zone").without_effect("torque_saturation")
         return SlidingServo.of(behind, self._sense)
 
     @cached_property
     def _strength(self) -> float:
-        """Follower torque that is reached in both senses [N m]."""
+        """Follower torque that is reached in both directions [N m]."""
         return float(np.min(np.abs(self.bounds.reachable())))
 
     @property
     def _quickest(self) -> float:
-        """Least time for inertia alone [s]."""
+        """Shortest duration for inertia alone [s]."""
         return 2.0 * float(np.sqrt(abs(self.goal - self.start) * self.model.inertia / self._strength))
 
     @property
     def _cruise(self) -> float:
-        """Least time at the greatest speed [s]."""
+        """Duration at the speed limit [s]."""
         return abs(self.goal - self.start) / self.speed_limit
 
     def solve(self, duration: float | None) -> Shot:
-        """The least time if no duration [s] is given, else the least heat in it."""
+        """The move of shortest duration, or of least heat in a given duration [s]."""
         N, n, greatest = self.intervals, self.begin.size, self.bounds.greatest
         expected = 2.0 * self._quickest + self._cruise if duration is None else duration
         units = np.ones(n)
@@ -180,7 +181,7 @@ class Shooting:
         )
 
     def _variables(self, units: Array, expected: float, fixed: bool) -> tuple[_Block, ...]:
-        """States less the first one, torque, drive torques and time; the guess is a cubic and what it takes."""
+        """States minus the first one, torque, drive torques and time; the guess is a cubic with its torques."""
         N, n, way = self.intervals, units.size, self.goal - self.start
         p = np.linspace(0.0, 1.0, N + 1)
         angle, velocity = way * p**2 * (3 - 2 * p), way / expected * 6 * p * (1 - p)
@@ -193,7 +194,7 @@ class Shooting:
 
         lower, upper = np.full((n, N + 1), -np.inf), np.full((n, N + 1), np.inf)
         lower[1], upper[1] = -self.speed_limit / units[1], self.speed_limit / units[1]
-        if self.model.slides:  # it goes one way
+        if self.model.slides:  # motion in one direction only
             (lower if self._sense > 0 else upper)[1] = 0.0
         lower[:, 0] = upper[:, 0] = 0.0
         lower[:2, -1] = upper[:2, -1] = self._sense, 0.0
@@ -208,7 +209,7 @@ class Shooting:
         )
 
     def _rows(self, Z: Any, U: Any, X: Any, t: Any, units: Array, expected: float) -> tuple[_Block, ...]:
-        """The states follow each other, both drives together give the command, and each flank is held at both ends."""
+        """Constraints: continuity of the states, torque balance of the drives, contact at both ends of an interval."""
         N, greatest, servo = self.intervals, self.bounds.greatest, self._servo
         states = ca.repmat(ca.DM(self.begin), 1, N + 1) + ca.mtimes(ca.diag(units), Z)
         drives, torque = ca.mtimes(ca.diag(greatest), X), self._strength * U
@@ -227,9 +228,9 @@ class Shooting:
         )
 
     def _command(self, torque: Any) -> Any:
-        """The torque to command for one behind the dead zone [N m].
+        """The command for a torque after the dead zone [N m].
 
-        It jumps by twice the half width g where the torque changes sign; the solver sees g tanh(30 torque/g) instead.
+        It jumps by twice the half width g where the torque changes sign; the program uses g tanh(30 torque/g) instead.
         """
         zone = self.model.effect("dead_zone")
         width = 0.0 if zone is None else zone.values[0]
@@ -237,22 +238,22 @@ class Shooting:
 
     @property
     def _limit(self) -> float:
-        """Greatest torque that the drive takes [N m]."""
+        """Greatest torque command of the drive, its saturation [N m]."""
         saturation = self.model.effect("torque_saturation")
         return float("inf") if saturation is None else float(saturation.values[0])
 
     def _torque(self, angle: float, velocity: float, acceleration: float) -> float:
-        """Torque for a motion [N m]."""
+        """Torque required for a motion [N m]."""
         at = Moment(angle=angle, velocity=velocity, torque=0.0, inertia=self._servo.inertia)
         return float(self._servo.load_inertia(at) * (acceleration - self._servo.smooth_acceleration(at)))
 
 
 @lru_cache(maxsize=64)
 def _interval(structure: Structure, substeps: int) -> Any:
-    """An interval under a held torque, as a `casadi.Function`.
+    """An interval with constant torque, as a `casadi.Function`.
 
-    (state (n,), torque, length, parameters (P,)) -> next state and acceleration of the load at start and end (2,), as
-    a line through its means over both halves has it.
+    (state (n,), torque, length, parameters (P,)) -> next state and acceleration of the load at start and end (2,),
+    extrapolated linearly from its means over both halves.
     """
     model = structure.model
     z, p = ca.SX.sym("z", len(model.states)), ca.SX.sym("p", len(model.names))

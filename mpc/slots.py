@@ -1,5 +1,5 @@
-"""Names for the places of an array that code outside a stage reads or writes: the same in Python and, with the array's
-name before them, in C.
+"""Names of array elements that are accessed outside a stage: the same in Python and, with the name of the array as a
+prefix, in C.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ class _Slot(IntEnum):
 
 
 class Tuning(_Slot):
-    """By what a controller is tuned."""
+    """Tuning parameters of a controller."""
 
-    RATE_WEIGHT = auto()  # of a change of torque [rad^2/(N m)^2]
-    END = auto()  # P of the horizon's end: angle, both, velocity
+    RATE_WEIGHT = auto()  # weight of a change of torque [rad^2/(N m)^2]
+    END = auto()  # terminal weight P: of the angle, of the product angle times velocity, of the velocity
     END_BOTH = auto()
     END_VELOCITY = auto()
     INERTIA = auto()
-    GREATEST = auto()  # torque on the load in both senses [N m]
+    GREATEST = auto()  # torque on the load that is reached in both directions [N m]
     WAVE = auto()  # 2 pi times the bandwidth [1/s]
-    ATTAINABLE = auto()  # by how much a path can be bent in a sample [rad]
+    ATTAINABLE = auto()  # greatest second difference of the angle that the torques can give in a sample [rad]
     TORQUE_STEP = auto()  # greatest change of torque in a sample [N m]
-    ASTRAY = auto()  # what a load is off that stands where it should [rad]
-    SHARE = auto()  # of a period of the bandwidth a sample is
+    ASTRAY = auto()  # permitted following error at constant speed [rad]
+    SHARE = auto()  # sample time in units of a period of the bandwidth
 
 
 class Soft(_Slot):
@@ -37,45 +37,45 @@ class Soft(_Slot):
     FASTEST = auto()
     FADES = auto()
     WAVE = auto()
-    SHOWS = auto()  # angle beyond a limit from which it is reported
+    SHOWS = auto()  # violation of an angle limit from which it is reported
     SHOWS_SPEED = auto()
 
 
 class Rubbing(_Slot):
     """Numbers of friction, see `mpc.friction.friction_numbers`."""
 
-    STANDS = auto()  # speed below which a reference stands [rad/s]
+    STANDS = auto()  # speed below which a reference counts as standing still [rad/s]
     STD = auto()  # relative standard error of the model's friction
-    FADES = auto()  # rate at which what was learnt is forgotten [1/s]
-    DEAF = auto()  # innovation that is none while the reference stands [rad]
-    MOST_CHANGE = auto()  # of the torque in a sample, what the teeth bear once [N m]
-    ARRIVED = auto()  # distance at which a load has arrived [rad]
-    GREATEST = auto()  # torque [N m]
-    MEMORY = auto()  # samples that the estimate of the disturbance has in common with the one before
-    QUIET = auto()  # change of the torque that the teeth bear all the time [N m]
-    JERK = auto()  # a quarter of how fast the acceleration of a move may change [rad/s^3]
+    FADES = auto()  # forgetting rate of the adaptation [1/s]
+    DEAF = auto()  # dead band of the innovation while the reference stands still [rad]
+    MOST_CHANGE = auto()  # greatest single change of the torque in a sample that the contact tolerates [N m]
+    ARRIVED = auto()  # distance at which a load has reached its target [rad]
+    GREATEST = auto()  # greatest torque [N m]
+    MEMORY = auto()  # correlation time of the disturbance estimate [samples]
+    QUIET = auto()  # permanent change of the torque per sample that the contact tolerates [N m]
+    JERK = auto()  # a quarter of the greatest rate of the acceleration of a move [rad/s^3]
 
 
 class Learnt(_Slot):
-    """What is remembered of friction, see `mpc.friction.learn`."""
+    """Memory of the adaptation of friction, see `mpc.friction.learn`."""
 
     KNOWN = auto()
-    CONSTANT = auto()  # torque besides friction [N m]
-    SCALE = auto()  # of the model's friction
+    CONSTANT = auto()  # unmodelled constant torque besides friction [N m]
+    SCALE = auto()  # factor on the model's friction
     VAR_CONSTANT = auto()  # variances and covariance of both
     COVARIANCE = auto()
     VAR_SCALE = auto()
-    SENSE = auto()  # in which friction is compensated
-    SLID = auto()  # for how long the load has slid that way [s]
-    FOLLOWED = auto()  # its angle as a first-order lag of 1/w follows it [rad]
+    SENSE = auto()  # direction in which friction is compensated, 0: none
+    SLID = auto()  # time for which the load has slid in that direction [s]
+    FOLLOWED = auto()  # load angle filtered by a first-order lag of 1/w [rad]
     VELOCITY = auto()  # of the load [rad/s]
-    SHORT = auto()  # whether it is still short of the reference in that sense
+    SHORT = auto()  # whether the load has not yet reached the reference in that direction
 
 
 class Told(_Slot):
-    """A reference that is told one number a sample, see `mpc.preview`."""
+    """Memory of a reference given as one number per sample, see `mpc.preview`."""
 
-    COUNT = auto()  # of the last angles that are known
+    COUNT = auto()  # number of known last angles
     FIRST = auto()
     SECOND = auto()
     THIRD = auto()
@@ -87,7 +87,7 @@ class Kalman(_Slot):
     KNOWN = auto()
     DOUBTS = auto()
     DISTURBANCE = auto()
-    ANGLE = auto()  # and behind it the rest of the state
+    ANGLE = auto()  # followed by the rest of the state
     VELOCITY = auto()
 
 
@@ -97,22 +97,22 @@ class Path(_Slot):
     GOVERNED = auto()
     ANGLE = auto()
     RATE = auto()
-    MOVE = auto()  # acceleration of the move that is under way, see `mpc.governor.hurry`
+    MOVE = auto()  # acceleration of the present move, see `mpc.time_optimal_law.hurry`
 
 
 class Fed(_Slot):
-    """What the feed-forward remembers from sample to sample."""
+    """Memory of the feedforward."""
 
     KNOWN = auto()
     BEND = auto()  # last change of the reference's speed in a sample [rad/s]
-    EASED = auto()  # torque that was eased forward in time [N m]
+    EASED = auto()  # required torque, smoothed forward in time [N m]
     EASED_CHANGE = auto()
-    TORQUE = auto()  # that was fed [N m]
+    TORQUE = auto()  # last feedforward torque [N m]
     CHANGE = auto()
 
 
 class Outcome(_Slot):
-    """What a step tells besides torques and angles."""
+    """Results of a step besides torques and angles."""
 
     MARGIN = auto()
     DISTURBANCE = auto()
@@ -120,7 +120,7 @@ class Outcome(_Slot):
 
 
 def c_names() -> str:
-    """Enumerations of C."""
+    """The same names as C enumerations."""
     return "\n".join(
         f"enum {{ {', '.join(f'{slots.__name__.upper()}_{slot.name} = {slot.value}' for slot in slots)} }};"
         for slots in (Tuning, Soft, Rubbing, Learnt, Told, Kalman, Path, Fed, Outcome)

@@ -1,19 +1,19 @@
 /* The quadratic program of a step (see mpc/riccati.py), solved and certified.
 
-   The functions backward, forward and slope above are one stage each, written by CasADi from the same expressions that
-   the Python form uses (mpc/program.py); here stand the loops around them. No memory is taken, every loop is bounded.
-   HORIZON, LATE, PASSES, ROUNDS, TABLE, STEP, CERTIFIED, DIGITS, FIRM, STIFF and CLOSE come from what it is written into. */
+   The functions backward, forward and slope above compute one stage each. CasADi generates them from the expressions of
+   the Python form (mpc/sweeps.py); this file has the loops around them. It allocates no memory, and every loop is
+   bounded. HORIZON, LATE, PASSES, ROUNDS, TABLE, STEP, CERTIFIED, DIGITS, FIRM, STIFF and CLOSE are defined earlier. */
 
 enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3, ROWS = BARRIER / 2 };
 
-#define TRIES (ROWS > 1 && ROUNDS > 15 ? 15 : ROUNDS) /* of the active set: see mpc/active_set.py */
-#define BEGIN 1e3 /* where the interior point method begins, see mpc/interior_point.py */
+#define TRIES (ROWS > 1 && ROUNDS > 15 ? 15 : ROUNDS) /* rounds of the active set: see mpc/active_set.py */
+#define BEGIN 1e3 /* initial products of the interior point method, see mpc/interior_point.py */
 
 static real larger(real a, real b) { return a > b ? a : b; }
 static real smaller(real a, real b) { return a < b ? a : b; }
 static real clipped(real x, real low, real high) { return x < low ? low : x > high ? high : x; }
 
-/* Forward by the law; how many bounds have changed. */
+/* Forward by the law; returns how many active bounds have changed. */
 static int course(struct controller *c)
 {
   int k, changes = 0, shift = N * LATE;
@@ -29,7 +29,7 @@ static int course(struct controller *c)
   return changes;
 }
 
-/* Backward for the law, forward for the torques; how many bounds have changed. */
+/* Backward for the law, forward for the torques; returns how many active bounds have changed. */
 static int sweep(struct controller *c)
 {
   int k, shift = N * LATE;
@@ -46,7 +46,7 @@ static int sweep(struct controller *c)
   return course(c);
 }
 
-/* Where torques lead. */
+/* Compute the states for given torques. */
 #ifndef STAT
 #define STAT(x)
 #endif
@@ -60,14 +60,14 @@ static void follow(struct controller *c, const real *torques)
   course(c);
 }
 
-/* What has an interval: a torque, its change, the next angle and velocity. */
+/* A constrained quantity of a stage: torque, its change, next angle or next velocity. */
 static real number(const struct controller *c, int k, int row)
 {
   const real *s = c->s + M * k;
   return row == 0 ? c->e[k] : row == 1 ? c->e[k] - s[N] : s[M + row - 2];
 }
 
-/* How far from optimal, in units of the greatest torque; NaN or infinite if there is no saying. */
+/* Residual of the optimality conditions, in units of the greatest torque; NaN or infinite if undefined. */
 static real residual(struct controller *c)
 {
   int k, i, shift = N * LATE;
@@ -95,14 +95,14 @@ static real residual(struct controller *c)
   return worst / c->unit[0];
 }
 
-/* How steep the cost is beyond an end at which a number is held, see mpc/active_set.py. */
+/* Penalty weight rho of a quantity held at an interval end, see mpc/active_set.py. */
 static real steepness(const struct controller *c, int j)
 {
   real scale = TABLE(moved)[j % ROWS];
   return FIRM * (c->curvature[j / ROWS] / (scale * scale));
 }
 
-/* What of the numbers beside the torque is known to be held, or given up to its price; how many. */
+/* Keep the valid part of the previous active set besides the torques; returns its size. */
 static int known(struct controller *c)
 {
   int j, count = 0;
@@ -117,7 +117,7 @@ static int known(struct controller *c)
   return count;
 }
 
-/* What that adds to the cost. */
+/* Add the cost terms of the active set. */
 static void press(struct controller *c)
 {
   int j;
@@ -128,7 +128,7 @@ static void press(struct controller *c)
   }
 }
 
-/* The forces behind a sweep, and which numbers are let go, given up to their price, or held again; how many. */
+/* Update forces and active set (release, put at the price, hold again); returns the number of changes. */
 static int settle(struct controller *c)
 {
   int j, changes = 0;
@@ -140,7 +140,7 @@ static int settle(struct controller *c)
       if (beyond < 0) c->pressed[j] = sense, ++changes;
       continue;
     }
-    if (fabs(beyond) > CLOSE * c->unit[0] * TABLE(moved)[j % ROWS]) ++changes; /* not quite there */
+    if (fabs(beyond) > CLOSE * c->unit[0] * TABLE(moved)[j % ROWS]) ++changes; /* not yet within tolerance */
     force = sense * c->forces[j] + steepness(c, j) * beyond;
     if (!(force > 0)) c->pressed[j] = force = 0, ++changes;
     if (force > price) c->pressed[j] = 2 * sense, force = price, ++changes;
@@ -149,7 +149,7 @@ static int settle(struct controller *c)
   return changes;
 }
 
-/* How far each number that is free is beyond an end, in units of the torque that moves it. */
+/* Violation of each free quantity, as the torque that causes it. */
 static void look_beyond(struct controller *c)
 {
   int j;
@@ -159,7 +159,7 @@ static void look_beyond(struct controller *c)
   }
 }
 
-/* Hold those that are farther beyond than their neighbours in time; how many. */
+/* Hold the quantities whose violation is a local maximum over time; returns how many. */
 static int take_up(struct controller *c)
 {
   int j, count = 0;
@@ -174,7 +174,7 @@ static int take_up(struct controller *c)
   return count;
 }
 
-/* The bounds of the torques as the last sweep has them. */
+/* Take over the active torque bounds of the last sweep. */
 static void take(struct controller *c)
 {
   int k;
@@ -187,7 +187,7 @@ static void measure(struct controller *c)
   for (k = 0; k < HORIZON; ++k) c->curvature[k] = c->law[LAW * k + LAW - 1];
 }
 
-/* Newton steps until the active bounds and ends repeat; whether they do. */
+/* Newton steps until the active set repeats; returns whether it does. */
 static int active_set(struct controller *c)
 {
   int round, j, changes = 1, once_more = 0, count, warm = ROWS > 1 && known(c), pressing = warm;
@@ -196,7 +196,7 @@ static int active_set(struct controller *c)
     if (ROWS > 1 && round) press(c);
     changes = sweep(c);
     if (ROWS == 1 || !round) measure(c);
-    if (!round && warm) continue; /* the first sweep was for the curvature alone */
+    if (!round && warm) continue; /* the first sweep only gives the curvature */
     warm = 0;
     take(c);
     if (ROWS == 1) continue;
@@ -204,14 +204,14 @@ static int active_set(struct controller *c)
     changes += settle(c);
     count = take_up(c);
     changes += count, pressing |= count > 0;
-    once_more = !changes && pressing && !once_more; /* with forces that are right by now */
+    once_more = !changes && pressing && !once_more; /* one more sweep with the converged forces */
     changes += once_more;
   }
   for (j = 0; j < BARRIER * HORIZON; ++j) c->barrier[j] = 0;
   return !changes;
 }
 
-/* Count from now on from where that part of the last sweep ends. */
+/* Shift the origin of the program by the given share of the last sweep. */
 static void begin_here(struct controller *c, real length)
 {
   int k;
@@ -224,7 +224,7 @@ static void begin_here(struct controller *c, real length)
   c->end[1] += length * s[1];
 }
 
-/* Slack, force, excess and spare force of each end of an interval, both products equal to start. */
+/* Slack, force, excess and spare force of each interval end, with both products equal to start. */
 static void centred(struct controller *c, real start)
 {
   int j;
@@ -245,7 +245,7 @@ static void centred(struct controller *c, real start)
   }
 }
 
-/* One step of the interior point method towards products of that size; what part of it could be gone. */
+/* One step of the interior point method towards products equal to target; returns the feasible step length. */
 static real step_inside(struct controller *c, real target)
 {
   int j, i;
@@ -255,7 +255,7 @@ static real step_inside(struct controller *c, real target)
     real stiffest = STIFF * (c->curvature[j / BARRIER] / (scale * scale));
     for (i = 0; i < 2; ++i) {
       real force = c->force[j + i], spare = c->spare[j + i], stiff;
-      if (!(fabs(c->fence[j + i]) < INFINITY)) continue; /* what has no end there pushes nothing */
+      if (!(fabs(c->fence[j + i]) < INFINITY)) continue; /* no limit, no force */
       stiff = smaller(1 / (c->slack[j + i] / force + c->excess[j + i] / spare), stiffest);
       c->pull[j + i] = stiff * (target / force - target / spare - c->gap[j + i]);
       c->stiff[j + i] = d[i] = stiff;
@@ -280,7 +280,7 @@ static real step_inside(struct controller *c, real target)
   return smaller(1, 0.995 * length);
 }
 
-/* How far the worst end of an interval is from having either no slack or no force, and the mean of their products. */
+/* Complementarity error of the worst interval end, and the mean of the products. */
 static real left(const struct controller *c, real *mean)
 {
   int j, ends = 0;
@@ -302,7 +302,7 @@ static real left(const struct controller *c, real *mean)
   return worst;
 }
 
-/* Whether the force of an end stands for a number that is held there, or given up to its price. */
+/* Active state of an interval end according to its force: free, held, or at the price of leaving it. */
 static real pressed(const struct controller *c, int j)
 {
   real scale = TABLE(moved)[j % BARRIER / 2], sense = j % 2 ? 1 : -1;
@@ -312,7 +312,7 @@ static real pressed(const struct controller *c, int j)
   return c->slack[j] * far < c->force[j] * strong ? sense : 0;
 }
 
-/* The primal-dual interior point method (see mpc/interior_point.py): the solution, and which torques are at a bound. */
+/* The primal-dual interior point method (see mpc/interior_point.py): the solution, and the active torque bounds. */
 static void interior_point(struct controller *c)
 {
   int k, j, round, count = HORIZON;
@@ -363,14 +363,14 @@ static void interior_point(struct controller *c)
   }
 }
 
-/* The solution of the program, certified; its residual, infinite if there is none. */
+/* Solve and certify the program; returns the residual, infinite if the solution is not certified. */
 STEP real solve(struct controller *c)
 {
   int settled = active_set(c);
   real worst = residual(c);
-  if (worst <= CERTIFIED && (settled || ROWS == 1)) return worst; /* a price makes much of little: see mpc/program.py */
+  if (worst <= CERTIFIED && (settled || ROWS == 1)) return worst; /* see solve in mpc/quadratic_program.py */
   interior_point(c);
-  if (ROWS == 1) active_set(c); /* the other intervals it does not know */
+  if (ROWS == 1) active_set(c); /* with other intervals the interior point solution is final */
   worst = residual(c);
   return worst <= CERTIFIED ? worst : INFINITY;
 }

@@ -1,7 +1,7 @@
-"""What the bounds on the pinions leave to the follower torque, and its split by least effort, stage by stage.
+"""Range of the follower torque within the bounds of the pinions, and its least-effort allocation, stage by stage.
 
-These are the allocator's closed forms (`allocation.Bounds`, `allocation.least_effort`) as expressions, with the inverse
-of the drive before them.
+These are the closed forms of the allocator (`allocation.Bounds`, `allocation.least_effort`) as expressions, combined
+with the inverse of the drive.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ _OF_A_DRIVE = ("most", "least", "ratio", "null", "sense", "rotor", "rubbed")
 _OF_BOTH = ("half_width", "back_emf", "limit", "preload_step")
 
 MACHINE = 2 * len(_OF_A_DRIVE) + len(_OF_BOTH)
-"""Numbers of a machine: each of a drive for drive 1 and drive 2, then those of both."""
+"""Number of machine parameters: each drive parameter for drives 1 and 2, then the common ones."""
 
 
 def machine(bounds: Bounds, drive: DriveInverse, preload_step: float = np.inf) -> Array:
-    """(MACHINE,) numbers of drive train, bounds and drive that the functions below ask for.
+    """(MACHINE,) parameters of drive train, bounds and drive for the functions below.
 
-    A single drive, which holds no preload, is a pair of its own two senses: one pushes the load backward, the other
-    forward, neither asks for a least torque, and least effort leaves one of them at zero. Its torque is their sum.
+    A single drive has no preload. It is treated as a pair, one part for each direction, without a minimum torque; least
+    effort leaves one part at zero. Its torque is the sum of both.
 
     Args:
         bounds: of one or two drives.
-        drive: what is between command and torque.
-        preload_step: by how much lambda may change from sample to sample, in units of the null vector.
+        drive: inverse of the drive, from output torque to command.
+        preload_step: greatest change of lambda from sample to sample.
     """
     gears, alone = bounds.gears, bounds.gears.drives == 1
     inertia = np.zeros(2) if alone else bounds.structure.reductions**2 * bounds.rotor_inertias
@@ -54,14 +54,14 @@ def machine(bounds: Bounds, drive: DriveInverse, preload_step: float = np.inf) -
 
 
 class _Pair:
-    """The two drives in symbols; torques are magnitudes in the sense that each must keep, as in `Limits`."""
+    """The two drives as symbols; torques are magnitudes in the required directions, as in `Limits`."""
 
     def __init__(self, numbers: Any, acceleration: Any) -> None:
         each = {name: (numbers[2 * i], numbers[2 * i + 1]) for i, name in enumerate(_OF_A_DRIVE)}
         *drive, self.step = ca.vertsplit(numbers[2 * len(_OF_A_DRIVE) :])
         self.least, self.most, self.ratios, self.teeth = (each[name] for name in ("least", "most", "ratio", "null"))
         self.senses, (rotor_1, rotor_2), rubbed = each["sense"], each["rotor"], each["rubbed"]
-        # what friction, whose sense is not sure near rest, and the rotor take of each
+        # torque lost to friction (worst case, its direction is uncertain near rest) and to the rotor of each drive
         self.taken = (rubbed[0] - rotor_1 * acceleration, rubbed[1] + rotor_2 * acceleration)
         ends = zip(self.least, self.most, self.taken, strict=True)
         self.low = [ca.fmin(least + ca.fmax(taken, 0), most) for least, most, taken in ends]
@@ -74,9 +74,9 @@ class _Pair:
         return n2 * low_2 - n1 * self.most[0], n2 * self.most[1] - n1 * low_1
 
     def magnitudes(self, torque: Any, before: Any) -> tuple[Any, list[Any]]:
-        """Of least effort: the particular solution of equation (3) plus the best admitted preload, which comes first.
+        """Least effort: preload, and magnitudes as the particular solution of equation (3) plus the best preload.
 
-        It leaves the one before only as fast as it may, unless the bounds ask for more.
+        The preload changes from the previous one at most by its rate limit, unless the bounds require more.
         """
         torque = clip(torque, *self.reach)
         n1, n2 = self.ratios
@@ -93,7 +93,7 @@ class _Pair:
 
 @cache
 def reach() -> Any:
-    """(velocity, acceleration, machine) -> least and greatest torque behind the drive (2,) [N m]."""
+    """(velocity, acceleration, machine) -> least and greatest drive output torque (2,) [N m]."""
     velocity, acceleration, numbers = ca.SX.sym("velocity"), ca.SX.sym("acceleration"), ca.SX.sym("machine", MACHINE)
     pair = _Pair(numbers, acceleration)
     ends = ca.vertcat(*(pair.drive.effective(torque, velocity) for torque in pair.reach))
@@ -104,9 +104,8 @@ def reach() -> Any:
 def split() -> Any:
     """The pinion torques of a stage, as a `casadi.Function`.
 
-    (lambda before, torque behind the drive [N m], velocity, acceleration, machine) -> lambda, pinion
-    torques (2,), what they put out behind the drive, and the least flank torque above the minimum, seen from the
-    pinion [N m].
+    (lambda before, wanted drive output torque [N m], velocity, acceleration, machine) -> lambda, pinion torques (2,),
+    actual drive output torque, and the smallest contact torque minus the minimum, seen from the pinion [N m].
     """
     wanted, velocity, acceleration = ca.SX.sym("wanted"), ca.SX.sym("velocity"), ca.SX.sym("acceleration")
     before, numbers = ca.SX.sym("before"), ca.SX.sym("machine", MACHINE)

@@ -1,4 +1,4 @@
-"""The stages of a step, as functions of CasADi: what the machine code is made of, and what the Python form loops."""
+"""The stages of a step as CasADi functions, used by the machine code and by the Python form of the step."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from plant.servo import ServoModel
 
 @dataclass(frozen=True, kw_only=True)
 class Stages:
-    """Of one controller.
+    """The stages of one controller.
 
     Attributes:
         friction: `mpc.friction.rub`, `mpc.friction.learn` and `mpc.feed_forward.demand` of its model.
-        watch: over its sensors.
-        every: these and all others.
+        watch: encoder fault detection, `mpc.encoder_faults.watch`.
+        every: all stages.
     """
 
     friction: tuple[Any, Any, Any]
@@ -35,7 +35,7 @@ class Stages:
 
     @classmethod
     def of(cls, model: ServoModel, estimator: Estimator, governor: Governor, rows: int) -> Self:
-        """Of a model with its friction, behind the drive, and a program with so many intervals a stage."""
+        """The stages for a model with friction but without the drive, and a program with `rows` intervals per stage."""
         motors, n = estimator.motors is not None, len(model.states)
         friction = rub(model), learn(model, motors), demand(model)
         watching = watch(estimator.predictor, motors)

@@ -1,15 +1,15 @@
 /* One sample of the controller: measured angle in, pinion torques out.
 
-   The functions estimate, begin, govern, ... above are one stage each, written by CasADi from the same expressions that
-   the Python form uses (mpc/step.py); here stand the loops around them. No memory is taken, every loop is bounded. */
+   The functions estimate, begin, govern, ... above compute one stage each. CasADi generates them from the expressions
+   of the Python form (mpc/step.py); this file has the loops around them. No memory is allocated, all loops are bounded. */
 
 enum { NO_ANGLE = 1, ANGLE_PREDICTED = 2, ANGLE_JUMPED = 4, ESTIMATE_RESTARTED = 8, ESTIMATE_DIVERGED = 16,
        NO_REFERENCE = 32, UNCERTIFIED = 64, CONTACT_AT_RISK = 128, LIMIT_VIOLATED = 256, NOT_FOLLOWING = 512,
        ENCODER_FAULT = 1024 };
 
-#define CONVERGED 1e-9 /* change of the torques at which a full solution ends, in the same unit */
+#define CONVERGED 1e-9 /* change of the torques below which the iteration ends, in units of the greatest torque */
 
-/* The wanted angle over the horizon and its changes; of a reference that is one number only that number is given. */
+/* Fill the wanted angle over the horizon and its changes; a scalar reference is extrapolated. */
 static int look(struct controller *c, int previewed)
 {
   int k, trouble = 0;
@@ -29,15 +29,15 @@ static int look(struct controller *c, int previewed)
   return trouble;
 }
 
-/* The wanted angle at a sample, also beyond the horizon: it goes on at its last speed. */
+/* The wanted angle at a sample; after the horizon it continues at its last speed. */
 static real wanted_at(const struct controller *c, int k)
 {
   int last = HORIZON;
   return k <= last ? c->wanted[k] : c->wanted[last] + (k - last) * (c->wanted[last] - c->wanted[last - 1]);
 }
 
-/* To which sample that is known ahead it sets out now, and by how much the wanted angle changes from there on. Behind
-   the last one it goes on at its speed, so there is no jump. */
+/* The sample of a previewed jump to which a move starts now (0: none), and the change of the wanted angle per sample
+   there. After the last sample the reference continues at its speed, so there is no jump. */
 static int lead(const struct controller *c, const real *path, const real *limits, real *change)
 {
   int k;
@@ -51,8 +51,7 @@ static int lead(const struct controller *c, const real *path, const real *limits
   return 0;
 }
 
-/* What of it can be followed, over the horizon and as far beyond as a delay reaches: it goes on at its last
-   acceleration. */
+/* The governed reference over the horizon, and over the dead time after it, extrapolated at its last acceleration. */
 static void aim(struct controller *c, int previewed)
 {
   int k, i, last = HORIZON, first = 0;
@@ -69,7 +68,7 @@ static void aim(struct controller *c, int previewed)
   wanted = wanted_at(c, first) - first * change;
   hurry(now, &wanted, c->path + PATH_MOVE, TABLE(tuning) + TUNING_ATTAINABLE, TABLE(rubbing) + RUBBING_JERK, limits + 2);
   c->path[PATH_MOVE] = limits[2];
-  now[0] -= wanted; /* from now on the distance from what is wanted */
+  now[0] -= wanted; /* from here on the distance from the wanted angle */
   for (k = 0; k <= last; ++k) {
     const real *steps = c->steps + k;
     wanted = wanted_at(c, first + k) - first * change;
@@ -88,8 +87,9 @@ static void aim(struct controller *c, int previewed)
   for (k = 1; k <= LATE + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
 }
 
-/* Whether the load has been beside the governed reference for long: the mean over a period of the loop of the squared
-   error, in units of what is admitted, each counted as no more than 2 so that it is not said at once and over soon. */
+/* Whether the load has not followed the governed reference for some time: mean square of the error over about a period
+   of the loop, in units of the permitted error. A single squared error counts as at most 2, so that one large error
+   neither triggers the status at once nor keeps it for long. */
 static int astray(struct controller *c)
 {
   const real *ahead = c->ahead, *own = TABLE(tuning);
@@ -101,8 +101,8 @@ static int astray(struct controller *c)
   return *mean > 1 ? NOT_FOLLOWING : 0;
 }
 
-/* What friction there will be on the way, and what is known of it by now. A disturbance that had a part of a friction
-   that is over loses it; as much goes from what the torques did against friction to what they did besides. */
+/* Adapt friction, and compute its compensation along the path. If a part of friction is removed from the disturbance,
+   the same amount moves from the past compensation torques to the past net torques. */
 static void rubbed(struct controller *c)
 {
   int k, lead;
@@ -125,17 +125,18 @@ static void rubbed(struct controller *c)
   }
 }
 
-/* One sample of a torque that is eased, in place. */
+/* One sample of the smoothing of a torque, in place. */
 static real eased(const struct controller *c, real *torque, real taken)
 {
   real next[2];
-  (void)c; /* where the tables are not in it */
+  (void)c; /* unused if the tables are not in the struct */
   ease(&taken, torque, TABLE(rubbing), next);
   memcpy(torque, next, sizeof next);
   return *torque;
 }
 
-/* The torque that the governed reference takes, and what of it is fed; before the first it is what acts. */
+/* The torque required by the governed reference, and the feedforward torque. The feedforward of the sample before the
+   first one is the acting torque. */
 static void feed_forward(struct controller *c)
 {
   int k, last = HORIZON - 1, known = c->fed[FED_KNOWN] == 1;
@@ -169,7 +170,7 @@ static void feed_forward(struct controller *c)
   fed[FED_KNOWN] = 1;
 }
 
-/* The intervals of the numbers beside the torque, less what the guess makes of them. */
+/* The intervals of the constrained quantities other than the torque, relative to their values with the guess. */
 static void confine(struct controller *c)
 {
   int k, i;
@@ -184,7 +185,7 @@ static void confine(struct controller *c)
   }
 }
 
-/* The program around the course of the model under the guess. */
+/* The program, linearised along the prediction of the model with the guess. */
 static void linearise(struct controller *c)
 {
   int k, late = LATE, total = late + HORIZON;
@@ -206,13 +207,13 @@ static void linearise(struct controller *c)
     pace = state[1];
     acceleration = (state[N + 1] - state[1]) / dt;
     reach(&pace, &acceleration, TABLE(reach_numbers), range);
-    least = range[0], most = range[1]; /* what of it can be reached in steps of bounded size */
+    least = range[0], most = range[1]; /* below: the part that is reachable under the rate limit */
     before_low = low, before_high = high;
     low = range[0] = smaller(larger(low - step, least), most);
     high = range[1] = larger(smaller(high + step, most), least);
     most_step = larger(step, larger(low - before_high, before_low - high));
     c->unit[0] = larger(c->unit[0], larger(fabs(range[0]), fabs(range[1])));
-    range[0] -= c->rub[k], range[1] -= c->rub[k]; /* from now on what is left to the net torque */
+    range[0] -= c->rub[k], range[1] -= c->rub[k]; /* from here on the range of the net torque */
     bounds[1] = range[0] - c->guess[k];
     bounds[2] = range[1] - c->guess[k];
     data[0] = k ? state[0] - ahead[k] : 0;
@@ -230,7 +231,7 @@ static void linearise(struct controller *c)
   c->end[1] = state[1] - (ahead[HORIZON + 1] - ahead[HORIZON - 1]) / (2 * dt);
 }
 
-/* Linearise, solve, and go on with the torques found; the residual. */
+/* Linearise, solve, and repeat with the new torques if requested; returns the residual. */
 static real optimise(struct controller *c)
 {
   int k, pass;
@@ -241,7 +242,7 @@ static real optimise(struct controller *c)
     worst = solve(c);
     c->plan[0] = worst <= CERTIFIED;
     most = 0;
-    if (!c->plan[0]) { /* the guess, as far as the bounds let it stand */
+    if (!c->plan[0]) { /* fall back to the guess, clipped to the bounds */
       for (k = 0; k < HORIZON; ++k) {
         real *bounds = c->bounds + 3 * k;
         bounds[0] = -1;
@@ -257,7 +258,7 @@ static real optimise(struct controller *c)
   return worst;
 }
 
-/* Keep the teeth together with as little torque on the load as that allows, and know nothing. */
+/* Without an estimate: keep contact with as little torque on the load as possible. */
 static void hold(struct controller *c)
 {
   int k;
@@ -277,7 +278,7 @@ static void hold(struct controller *c)
   c->angles[k] = NAN;
 }
 
-/* Whether a limit of angle or speed is predicted to be broken at a sample. */
+/* Whether a limit of angle or speed is predicted to be violated at a sample. */
 static int broken(const struct controller *c, int k)
 {
   real angle = c->angles[k], speed = c->states[N * (LATE + k) + 1] + c->s[M * k + 1];
@@ -286,7 +287,7 @@ static int broken(const struct controller *c, int k)
          fabs(speed) > limits[SOFT_FASTEST] + limits[SOFT_SHOWS_SPEED];
 }
 
-/* The torques of the horizon for what was planned. */
+/* Plan the net torques, and compute the drive torques over the horizon. */
 static int plan_ahead(struct controller *c)
 {
   int k, trouble = 0, beyond = 0, shift = LATE;
@@ -329,14 +330,14 @@ static int plan_ahead(struct controller *c)
   return trouble | beyond;
 }
 
-/* The torques under way move on by a sample. */
+/* Shift the past torques by one sample. */
 static void move_on(struct controller *c)
 {
   memmove(c->past, c->past + 1, (LATE + 2) * sizeof(real));
   memmove(c->rubs, c->rubs + 1, (LATE + 2) * sizeof(real));
 }
 
-/* A sample that was missed: the last torques were held, and nothing was read. */
+/* A missed sample: the last torques were held, and there was no measurement. */
 static void miss(struct controller *c)
 {
   real readings[3] = {NAN, NAN, NAN}, acted[3] = {0}, code, anew, kalman[KALMAN];
@@ -345,11 +346,11 @@ static void miss(struct controller *c)
   memcpy(c->kalman, kalman, sizeof kalman);
   move_on(c);
   memmove(c->plan + 1, c->plan + 2, (HORIZON - 1) * sizeof(real));
-  c->watched[1] = 0; /* the model that runs free begins anew */
+  c->watched[1] = 0; /* restart the free simulation of the fault detection */
 }
 
-/* The time since the last sample: whole samples that were missed, and what is left of it, which the model then has for
-   one. The reference that is remembered by the sample moves on by as much. */
+/* Process the time since the last sample: whole missed samples, and the remaining time for the next prediction. The
+   stored reference samples are moved on accordingly. */
 static void lapse(struct controller *c)
 {
   int k, missed;
@@ -357,7 +358,7 @@ static void lapse(struct controller *c)
   memcpy(c->acting, TABLE(model), PARAMETERS * sizeof(real));
   c->elapsed[0] = 0;
   if (!(elapsed > 0 && isfinite(elapsed))) return;
-  if (elapsed > (HORIZON + 0.5) * dt) { /* nothing is known any more */
+  if (elapsed > (HORIZON + 0.5) * dt) { /* the estimate is out of date */
     c->kalman[KALMAN_KNOWN] = c->path[PATH_GOVERNED] = c->plan[0] = c->told[TOLD_COUNT] = 0;
     return;
   }
@@ -371,7 +372,7 @@ static void lapse(struct controller *c)
   c->acting[PARAMETERS - 1] = elapsed - missed * dt;
 }
 
-/* Put the reading on its turn, and leave out what is contradicted; whether anything is. */
+/* Unwrap the measurement, and discard those of faulty encoders; returns whether any encoder is faulty. */
 static int watched(struct controller *c)
 {
   real acted[3], kalman[KALMAN], memory[WATCHED], reading, load_out, motors_out;
@@ -388,7 +389,7 @@ STEP int control_step(struct controller *c, real angle, int previewed)
 {
   int trouble, out;
   real acted[3], code, anew, kalman[KALMAN];
-  c->readings[0] = angle; /* and behind it those of the motors */
+  c->readings[0] = angle; /* followed by those of the motors */
   lapse(c);
   out = watched(c);
   acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[LEARNT_SENSE] == 0 ? TABLE(rubbing)[RUBBING_DEAF] : 0;

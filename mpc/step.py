@@ -1,6 +1,6 @@
-"""One sample of the controller without machine code: the same stages as in step.c, looped by CasADi's virtual machine.
+"""One sample of the controller without machine code: the same stages as in step.c, run by CasADi's virtual machine.
 
-Both forms work on the same arrays, so that either can go on where the other has stopped, and give the same numbers.
+Both forms work on the same arrays and give the same numbers, so one can continue after the other.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class InterpretedStep:
         governor: Governor,
         stages: Stages,
     ) -> None:
-        """On the arrays of a controller."""
+        """Work on the arrays of a controller."""
         N, self._late = sizes["horizon"], sizes["late"]
         self._a, self._dt, self._estimator = arrays, float(arrays["model"][-1]), estimator
         self._aim = Aim(arrays, governor, self._late)
@@ -68,7 +68,7 @@ class InterpretedStep:
         self._holding = fused("holding", own, reads, holding, operations=120 * N, in_place=("preload",))
 
     def __call__(self, angle: float, previewed: bool) -> int:
-        """The measured angle in, the torques and all else in the arrays; what went wrong, see `Trouble`."""
+        """One sample from the measured angle; the results are in the arrays. Returns the problems, see `Trouble`."""
         with np.errstate(all="ignore"):  # absurd numbers may overflow; every result is checked
             return self._sample(float(angle), previewed)
 
@@ -95,23 +95,23 @@ class InterpretedStep:
         return trouble
 
     def _move_on(self) -> None:
-        """The torques under way move on by a sample."""
+        """Shift the past torques by one sample."""
         for name in ("past", "rubs"):
             self._a[name][:-1] = self._a[name][1:]
 
     def _miss(self) -> None:
-        """A sample that was missed: the last torques were held, and nothing was read."""
+        """A missed sample: the last torques were held, and there was no measurement."""
         past, plan = self._a["past"], self._a["plan"]
         self._estimator.acting[-1] = self._dt
         self._estimator.update(np.nan, past[1], past[0])
         self._move_on()
         plan[1:-1] = plan[2:]
-        self._a["watched"][1] = 0.0  # the model that runs free begins anew
+        self._a["watched"][1] = 0.0  # restart the free simulation of the fault detection
 
     def _lapse(self) -> None:
-        """The time since the last sample: whole samples that were missed, and what is left, which the model takes.
+        """Process the time since the last sample: whole missed samples, and the remaining time for the next prediction.
 
-        The reference that is remembered by the sample moves on by as much.
+        The stored reference samples are moved on accordingly.
         """
         a, dt = self._a, self._dt
         elapsed, a["elapsed"][0] = float(a["elapsed"][0]), 0.0
@@ -119,7 +119,7 @@ class InterpretedStep:
         if not (elapsed > 0 and np.isfinite(elapsed)):
             return
         path, told = a["path"], a["told"]
-        if elapsed > (a["guess"].size + 0.5) * dt:  # nothing is known any more
+        if elapsed > (a["guess"].size + 0.5) * dt:  # the estimate is out of date
             a["kalman"][Kalman.KNOWN] = path[Path.GOVERNED] = a["plan"][0] = told[Told.COUNT] = 0.0
             return
         if told[Told.COUNT] > 1:
@@ -133,7 +133,7 @@ class InterpretedStep:
         a["acting"][-1] = elapsed - missed * dt
 
     def _watched(self, angle: float) -> tuple[float, bool]:
-        """The angle on its turn, or NaN, as the motors' readings, where it is contradicted, and whether anything is."""
+        """The unwrapped angle, NaN if it is faulty, and whether any encoder is; faulty motor angles become NaN."""
         a, watch = self._a, self._watch
         a["readings"][0] = angle
         watch.inputs[1][:] = a["readings"][: watch.inputs[1].size]
@@ -146,7 +146,7 @@ class InterpretedStep:
         return float(a["readings"][0]), bool(load_out[0] or motors_out[0])
 
     def _rubbed(self) -> None:
-        """What friction there will be on the way, and what is known of it by now."""
+        """Adapt friction, and compute its compensation along the path."""
         a, own, ahead, newest = self._a, self._own, self._a["ahead"][self._late :], self._late + 1
         a["learnt"][:], *_, a["past"][:], a["rubs"][:], a["plan"][:] = self._learn()
         a["kalman"][Kalman.DISTURBANCE] = own["d"][0]
@@ -162,7 +162,7 @@ class InterpretedStep:
         self._rub()
 
     def _plan_ahead(self) -> int:
-        """The torques of the horizon for what was planned."""
+        """Plan the net torques, and compute the drive torques over the horizon."""
         a, late, own, program, trouble = self._a, self._late, self._own, self.program, Trouble.NONE
         held, plan, guess = program.bounds[:, 0], a["plan"], a["guess"]
         if plan[0]:
@@ -190,7 +190,7 @@ class InterpretedStep:
         return trouble | (Trouble.LIMIT_VIOLATED if own["beyond"][0] else Trouble.NONE)
 
     def _hold(self) -> None:
-        """Keep the teeth together with as little torque on the load as that allows, and know nothing."""
+        """Without an estimate: keep contact with as little torque on the load as possible."""
         a, late = self._a, self._late
         self._holding()
         a["plan"][0], a["acceleration"][:], a["angles"][:] = 0.0, 0.0, np.nan

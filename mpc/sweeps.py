@@ -1,4 +1,4 @@
-"""The quadratic program of a step on its arrays: sweeps over its stages, and how far a point is from solving it."""
+"""The quadratic program of a step on its arrays: Riccati sweeps over its stages, and the residual of a point."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ CERTIFIED = 1e-6
 """Largest residual of an accepted solution, in units of the greatest torque."""
 
 _DIGITS = 2.3e-16
-"""What a number is rounded by, in units of itself."""
+"""Relative rounding error of a number."""
 
 
 class Sweeps:
-    """The program of `mpc.riccati` before it is solved, on arrays that others fill.
+    """The program of `mpc.riccati` without its solvers, on the arrays of a controller.
 
     Attributes:
-        rows: how many numbers of a stage have an interval: the torque alone, or also its change, the next angle and the
+        rows: number of constrained quantities of a stage: the torque alone, or also its change, the next angle and the
             next velocity.
         data: (N, 2) miss [rad] and rate [N m] of each stage.
-        bounds: (N, 3) the bound that holds, or 0 for none (see `mpc.riccati.backward`), least and greatest change of
+        bounds: (N, 3) the active bound, or 0 for none (see `mpc.riccati.backward`), least and greatest change of
             the torque [N m].
-        fence: (N, rows, 2) ends of the intervals, the torque's own standing in `bounds`.
-        prices: (rows,) of leaving each interval by so much, inf where it cannot be left.
-        moved: (rows,) by how much a torque of 1 N m moves each number in a sample: the scale of their errors.
+        fence: (N, rows, 2) ends of the intervals; those of the torque are in `bounds`.
+        prices: (rows,) penalty per unit for leaving each interval; inf for a hard one.
+        moved: (rows,) effect of a torque of 1 N m on each quantity in a sample: the scale of their errors.
         end: (2,) miss of the last angle and velocity [rad, rad/s].
         e: (N,) change of the torques [N m], the solution.
-        s: (N + 1, n + 1) what it makes of states and last torque.
-        pressed: (N, rows) which numbers beside the torque are held at their upper or lower end (1, -1), or given up to
-            its price (2, -2).
-        forces: (N, rows) with which the intervals push back, as far as they are needed besides `bounds`.
-        held: (N,) what the last sweep says about the bounds.
-        barrier: (N, 2 rows) what the interior point method adds to the cost.
+        s: (N + 1, n + 1) changes of states and last torque due to e.
+        pressed: (N, rows) active set besides the torques: quantities held at the upper or lower end (1, -1), or at the
+            price of leaving it (2, -2).
+        forces: (N, rows) multipliers of the intervals, without those represented by `bounds`.
+        held: (N,) active bounds after the last sweep.
+        barrier: (N, 2 rows) cost terms d, g of each row, added by the solvers.
     """
 
     def __init__(self, arrays: Mapping[str, Array], rounds: int) -> None:
-        """For arrays by name; `rounds` bounds the sweeps of each method."""
+        """Work on arrays by name; `rounds`: greatest number of sweeps of each method."""
         self.rounds, self.unit = rounds, arrays["unit"]
         N, n = arrays["e"].size, arrays["s"].size // (arrays["e"].size + 1) - 1
         late, self.rows = arrays["A"].size // n**2 - N, arrays["forces"].size // N
@@ -75,29 +75,29 @@ class Sweeps:
         self._residual = fused("residual", own, f"{known} {fences}", partial(_residual, n, self.rows), operations=work)
 
     def sweep(self) -> bool:
-        """Backward for the law, forward for the torques; whether the bounds that hold stay the same."""
+        """Backward for the law, forward for the torques; returns whether the active bounds stay the same."""
         self._sweep()
         return bool(self._steady[0])
 
     def follow(self, e: Array) -> None:
-        """Where these torques lead."""
+        """Compute the states for given torques."""
         self.law[:, : self.s.shape[1]], self.law[:, self.s.shape[1]] = 0.0, e
         self._course()
 
     def numbers(self) -> Array:
-        """(N rows,) what has intervals, stage by stage."""
+        """(N rows,) the constrained quantities, stage by stage."""
         every = np.stack((self.e, self.e - self.s[:-1, -1], self.s[1:, 0], self.s[1:, 1]), axis=-1)
         return every[:, : self.rows].ravel()
 
     def residual(self) -> float:
-        """How far from the minimiser, in units of the greatest torque: zero there.
+        """Residual of the optimality conditions, in units of the greatest torque; zero at the minimiser.
 
-        The largest of |e - clip(e - slope/curvature, low, high)|, and for each other interval of what its force f would
-        have to change by, seen as a torque m f/curvature with the stage's m = moved:
+        The maximum over the torques of |e - clip(e - slope/curvature, low, high)|, and over the other intervals of the
+        error of the force f in the following equation, expressed as a torque m f/curvature, with m = moved:
 
             f = clip(f + (q - high) curvature/m^2, 0, price) + clip(f + (q - low) curvature/m^2, -price, 0)
 
-        and no less than what f is rounded by: a force beyond all digits would hide how far q is off.
+        It is at least the rounding error of f: with a very large force the error of q would be lost by rounding.
         """
         self._residual()
         return float(self._worst[0])
@@ -106,7 +106,7 @@ class Sweeps:
 def _swept(
     n: int, rows: int, tuning: Any, end: Any, A: Any, B: Any, data: Any, bounds: Any, barrier: Any
 ) -> dict[str, Any]:
-    """One sweep: torques, what they make, the law, what of the bounds holds now, and whether it is the same."""
+    """One sweep: states, torques, active bounds, law, and whether the active bounds stay the same."""
     N, m, back, on = bounds.numel() // 3, n + 1, backward(n, rows), forward(n)
     (P_1, P_2, P_3), w = _end_weights(tuning), tuning[Tuning.RATE_WEIGHT]
     V = ca.MX(triangle(m), ca.vertcat(P_1, P_2, P_3, ca.MX.zeros(triangle(m).nnz() - 3)))
@@ -141,7 +141,7 @@ def _residual(
     unit: Any,
     **fences: Any,
 ) -> dict[str, Any]:
-    """See `Sweeps.residual`; a number that is none spoils the sum."""
+    """See `Sweeps.residual`; the sum propagates NaN."""
     N, m = e.numel(), n + 1
     (P_1, P_2, P_3), w = _end_weights(tuning), tuning[Tuning.RATE_WEIGHT]
     angle, velocity = end[0] + s[N * m], end[1] + s[N * m + 1]
@@ -162,7 +162,7 @@ def _residual(
 
 
 def _missing(k: int, i: int, rows: int, q: Any, force: Any, curvature: Any, moved: Any, prices: Any, fence: Any) -> Any:
-    """By how much the force of an interval would have to change, seen as a torque."""
+    """Error of the force of an interval, expressed as a torque."""
     stiff, place = curvature / (moved[i] * moved[i]), 2 * (rows * k + i)
     up = _clipped(force + stiff * (q - fence[place + 1]), 0, prices[i])
     down = _clipped(force + stiff * (q - fence[place]), -prices[i], 0)
@@ -183,5 +183,5 @@ def _dynamics(k: int, n: int, A: Any, B: Any) -> tuple[Any, Any]:
 
 
 def _at(k: int, width: int, array: Any) -> Any:
-    """What of an array belongs to a stage."""
+    """The part of an array that belongs to stage k."""
     return array[width * k : width * (k + 1)]

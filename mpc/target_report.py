@@ -1,4 +1,4 @@
-"""What the files of an exported controller say in words: the machine and its units."""
+"""Text in the files of an exported controller: the machine and its units."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from plant.units import axis_quantities
 
 
 def what(controller: Controller) -> str:
-    """What kind of machine it is for, in words."""
+    """The type of machine in words."""
     return "a preloaded pair of drives" if controller.gears.drives > 1 else "a single drive"
 
 
@@ -23,7 +23,7 @@ def ranges(controller: Controller) -> list[tuple[float, float]]:
 
 
 def words_of(controller: Controller) -> dict[str, str]:
-    """What the files call things on this axis."""
+    """The words of the template files for this machine and axis."""
     (angle, length, torque, newton), gears = axis_quantities(controller.model.axis), controller.gears
     pair, title = gears.drives > 1, f"Predictive controller of {what(controller)}, in C99"
     each = "torques 1 and 2" if pair else "torques back and forth, whose sum is that of the drive,"

@@ -1,4 +1,4 @@
-"""How the reference governor moves, one sample at a time: in least time under a bounded acceleration."""
+"""Equations of the reference governor, sample by sample: minimum-time motion with bounded acceleration."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from mpc.slots import Tuning
 from mpc.split import MACHINE, reach
 
 _USED = 0.85
-"""Share of the reachable acceleration that the governed reference may ask for; the rest is left to feedback."""
+"""Share of the reachable acceleration that the governed reference may use; the rest is left to feedback."""
 
 _SURE = 0.75
-"""Share of that acceleration, and of its mean in both senses, with which it brakes before a limit: friction helps to
-brake, but ends with the motion."""
+"""Share of that acceleration, and of its mean in both directions, for braking before a limit: friction helps to brake,
+but ends with the motion."""
 
 
 _ANY = 1e30
-"""Of a change of the acceleration: any, where nothing has to be kept together."""
+"""Limit of `jerk` where it is infinite, because there is no contact to keep."""
 
 _THERE = 1e-6
-"""Distance at which a move is over, in units of what the torques attain in a sample."""
+"""Distance at which a move has ended, in units of `Tuning.ATTAINABLE`."""
 
 _JUMP = 8.0
-"""Change of the reference's speed that is a jump, in units of what the torques attain in a sample: to follow it takes
-several samples."""
+"""Second difference of the reference from which it counts as a jump, in units of `Tuning.ATTAINABLE`: the torques need
+several samples to follow it."""
 
 
 def time_optimal_acceleration(error: Any, rate: Any, limits: tuple[Any, Any], step: Any) -> Any:
     """Acceleration that brings a double integrator to rest at zero in least time, in discrete time, as an expression.
 
     The control law of Han ("From PID to active disturbance rejection control", 2009, eq. 3), with one limit for each
-    sense: unlike the switching curve of continuous time it ends exactly at zero after finitely many steps and does not
-    chatter there. The curve is that of the sense which brakes.
+    direction. Unlike the switching curve of continuous time it reaches zero exactly after finitely many steps, without
+    chattering. The switching curve uses the limit of the braking direction.
 
     Args:
         error, rate: position and its rate [rad], [rad/s].
@@ -52,25 +52,26 @@ def time_optimal_acceleration(error: Any, rate: Any, limits: tuple[Any, Any], st
 
 
 def _fastest(room: Any, acceleration: Any, dt: Any) -> Any:
-    """Greatest speed from which it can still be stopped within some room, in discrete time [rad/s]."""
+    """Greatest speed from which the load can stop within a distance `room`, in discrete time [rad/s]."""
     braked = acceleration * (ca.sqrt(ca.fmax(dt**2 / 4, 2 * room / acceleration)) - dt / 2)
     return ca.fmax(braked, ca.fmin(room / dt, acceleration * dt))
 
 
 def unhurried(distance: Any, jerk: Any) -> Any:
-    """Acceleration at which a move over a distance takes so long that the torques can change in a quarter of it.
+    """Acceleration of a move over a distance such that the torques can reverse in a quarter of its duration.
 
-    From full acceleration to full braking, with a greatest rate of change [rad/s^3] of four times `jerk`.
+    The acceleration then reverses at a rate of four times `jerk` [rad/s^3].
     """
     return (ca.fmin(jerk, _ANY) * ca.sqrt(ca.fabs(distance))) ** (2 / 3)
 
 
 @cache
 def hurry() -> Any:
-    """How fast a move is made, as a `casadi.Function`.
+    """The acceleration of a move, as a `casadi.Function`.
 
-    (governed and wanted angle, the same function's answer one sample before, attainable change, `jerk` of `unhurried`)
-    -> acceleration beside that of the reference [rad/s^2]; as of the farthest sample of the move, zero without one.
+    (governed angle, wanted angle, result of the sample before, `Tuning.ATTAINABLE`, `jerk` of `unhurried`) ->
+    acceleration relative to the reference [rad/s^2]. During a move it keeps its largest value, that of the largest
+    distance; it is zero without a move.
     """
     path, wanted, before = ca.SX.sym("path"), ca.SX.sym("wanted"), ca.SX.sym("before")
     attainable, jerk = ca.SX.sym("attainable"), ca.SX.sym("jerk")
@@ -85,16 +86,16 @@ def governed(limited: bool = False) -> Any:
     """One sample of the governed reference, as a `casadi.Function`.
 
     (distance from the wanted angle and rate (2,), wanted angle, its changes in this sample and the next one (2,),
-    greatest acceleration backward and forward, and beside that of the reference (3,), soft limits (see
-    `SoftLimits.numbers`), sample time) -> distance from the wanted angle and rate (2,) at the next sample. If it is
-    limited it brakes before a limit, whatever is wanted. Distances and changes, because differences of angles have no
-    digits left in single precision when they are divided by the square of the sample time.
+    greatest acceleration backward, forward, and relative to the reference (3,), soft limits (see
+    `SoftLimits.numbers`), sample time) -> distance from the wanted angle and rate (2,) at the next sample. With
+    `limited` it brakes before a limit, whatever the reference. Distances and changes are used because differences of
+    angles, divided by the square of the sample time, lose all digits in single precision.
     """
     path, wanted, steps = ca.SX.sym("path", 2), ca.SX.sym("wanted"), ca.SX.sym("steps", 2)
     limits, soft, dt = ca.SX.sym("limits", 3), ca.SX.sym("soft", SOFT), ca.SX.sym("dt")
     (off, rate), (backward, forward, most) = ca.vertsplit(path), ca.vertsplit(limits)
     beyond: Any = ca.SX(3, 1)
-    if limited:  # what of the wanted angle is not asked for
+    if limited:  # part of the wanted angle outside the limits
         there = wanted + ca.vertcat(0, steps[0], steps[0] + steps[1])
         beyond = there - ca.fmin(ca.fmax(there, soft[0]), soft[1])
     speed = (steps[0] - (beyond[1] - beyond[0])) / dt
@@ -119,7 +120,7 @@ def governed(limited: bool = False) -> Any:
 def jump() -> Any:
     """Whether the reference jumps to a sample, as a `casadi.Function`.
 
-    (wanted angle around that sample (3,), attainable change) -> whether it does.
+    (wanted angle around that sample (3,), `Tuning.ATTAINABLE`) -> whether it does.
     """
     wanted, attainable = ca.SX.sym("wanted", 3), ca.SX.sym("attainable")
     before, change = wanted[1] - wanted[0], wanted[2] - wanted[1]
@@ -129,14 +130,14 @@ def jump() -> Any:
 
 @cache
 def early() -> Any:
-    """Whether it is time to set out for a jump of the reference that is seen ahead, as a `casadi.Function`.
+    """Whether the move to a previewed jump of the reference has to start, as a `casadi.Function`.
 
-    (angle and rate (2,), wanted angle around that sample (3,), how many samples ahead it is, greatest acceleration
-    backward and forward (2,), sample time, `jerk` of `unhurried`) -> whether it is time, and the change of the wanted
-    angle from there on, in a sample.
+    (angle and rate (2,), wanted angle around the sample of the jump (3,), number of samples until then, greatest
+    acceleration backward and forward (2,), sample time, `jerk` of `unhurried`) -> whether to start, and the change of
+    the wanted angle per sample after the jump.
 
-    A jump is followed with least squared error by a move that has its middle where the jump is: so it is time if the
-    sample is no farther ahead than half of the least time to it takes, and a move that is under way goes on.
+    The squared error is least if the jump is in the middle of the move. So the move starts when the time until the
+    jump is at most half of the shortest duration of the move; a move that has started continues.
     """
     path, wanted, limits = ca.SX.sym("path", 2), ca.SX.sym("wanted", 3), ca.SX.sym("limits", 2)
     count, dt, jerk, change = ca.SX.sym("count"), ca.SX.sym("dt"), ca.SX.sym("jerk"), wanted[2] - wanted[1]
@@ -150,10 +151,10 @@ def early() -> Any:
 
 @cache
 def followable() -> Any:
-    """What the torques can follow, as a `casadi.Function`.
+    """Acceleration limits of the governed reference, as a `casadi.Function`.
 
-    (angle and velocity of the load, torque that it takes without accelerating, machine, tuning) -> greatest
-    acceleration backward and forward (2,) [rad/s^2], and from how far off [rad] the governed reference begins anew.
+    (angle and velocity of the load, its torque without acceleration, machine, tuning) -> greatest acceleration backward
+    and forward (2,) [rad/s^2], and the distance to the load [rad] above which the governed reference restarts.
     """
     state, load = ca.SX.sym("state", 2), ca.SX.sym("load")
     numbers, tuning = ca.SX.sym("machine", MACHINE), ca.SX.sym("tuning", len(Tuning))

@@ -1,4 +1,4 @@
-"""Moves from rest to rest that are planned whole: in least time, or in a given time with least heat."""
+"""Trajectory planning from rest to rest: in minimum time, or in a given time with least heat."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from plant.simulation import simulate
 Array = NDArray[np.float64]
 
 _FINER = 20
-"""Steps of the simulation that checks a trajectory, in each of its intervals."""
+"""Steps per interval of the simulation that checks a trajectory."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
-    """A move over N intervals, the torques held in each.
+    """A move over N intervals with constant torques in each.
 
     Attributes:
         time: (N + 1,) [s], from zero.
         angle: (N + 1,) planned angle of the load [rad].
         speed: (N + 1,) planned speed of the load [rad/s].
-        follower_torque: (N,) of the pinions together [N m].
+        follower_torque: (N,) of both pinions together, at the follower [N m].
         torques: (N, 2) pinion torques [N m]; always inside the bounds.
-        heat: integral of xi1^2 + xi2^2 [N^2 m^2 s], to which the Joule heat is proportional.
-        margin: least motor or flank torque above the minimum [N m], seen from the pinion, in a fine simulation of the
-            model under these torques, with dry friction in its exact form.
-        miss: (2,) by how much that simulation ends beside the goal [rad], [rad/s].
-        status: "optimal", or "failed: " and why; margin and miss then say what the torques are worth all the same.
+        heat: integral of xi1^2 + xi2^2 [N^2 m^2 s], proportional to the Joule heat.
+        margin: smallest motor or contact torque minus the minimum [N m], seen from the pinion, in a fine simulation of
+            the model with these torques and exact dry friction.
+        miss: (2,) final error of that simulation in angle and velocity [rad], [rad/s].
+        status: "optimal", or "failed: " and the reason; margin and miss are valid for the torques in both cases.
     """
 
     time: Array
@@ -50,11 +50,11 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """Of the move [s]."""
+        """Duration of the move [s]."""
         return float(self.time[-1])
 
     def reference(self, time: ArrayLike) -> Array:
-        """Angle at any times [rad], for a controller to follow; it is held before the start and after the end."""
+        """Angle at given times [rad], as a reference for a controller; constant before the start and after the end."""
         from scipy.interpolate import CubicHermiteSpline
 
         course = CubicHermiteSpline(self.time, self.angle, self.speed)
@@ -70,7 +70,7 @@ def time_optimal(
     intervals: int = 100,
     speed_limit: float = float("inf"),
 ) -> Trajectory:
-    """From rest at one angle to rest at another in the least time T that the bounds allow.
+    """Move from rest at one angle to rest at another in the shortest time T within the bounds.
 
         minimise    T
         subject to  the servo model with its effects, at rest at both ends
@@ -78,25 +78,24 @@ def time_optimal(
                     s_i (xi_i - r^2 Jm A_i x'') - r f >= min_torque     at the start and the end of each interval
                     |x'| <= speed_limit
 
-    The last row is the flank torque (see `allocation.Limits`): the teeth stay together. For inertia alone the answer is
-    known: T = 2 sqrt(J |goal - start|/tau), tau = (Nf/N)(max_torque - min_torque), half of the time forward and half
-    of it back.
+    The third constraint is the contact torque (see `allocation.Limits`): contact is kept. For inertia alone the
+    solution is known: T = 2 sqrt(J |goal - start|/tau), tau = (Nf/N)(max_torque - min_torque), half of the time
+    accelerating and half of it braking.
 
-    The move is the load's, with closed teeth: what makes the drive late (delay, lag, rate limit), compliance, tooth
-    gaps and the sensor are left out. With dry friction the load goes one way, sliding: a move that waits half-way,
-    where friction holds, is not looked for. The jump over a dead zone is planned as a steep slope; `miss` tells what
-    that is worth.
+    The plan is for the load with contact: dynamics of the drive (dead time, lag, rate limit), compliance, backlash
+    and sensor are left out. With dry friction the load slides in one direction; a move with a stop on the way is not
+    considered. The jump of a dead zone is approximated by a steep slope; `miss` shows the resulting error.
 
     Args:
         model: the servo, on a rotary axis.
         bounds: of two drives on one joint.
         start, goal: angles [rad].
         intervals: N.
-        speed_limit: greatest speed of the load [rad/s]. Of the torque no rate is limited.
+        speed_limit: greatest speed of the load [rad/s]. The rate of the torque is not limited.
 
     Raises:
         BadParameter: a linear axis, other drives, angles that are equal or not finite, fewer than two intervals, a
-            speed limit that is not above zero, or bounds that leave no torque in one of the senses.
+            speed limit that is not above zero, or bounds without torque in one of the directions.
     """
     return _solved(_move(model, bounds, start, goal, intervals, speed_limit), None)
 
@@ -111,10 +110,10 @@ def minimum_heat(
     intervals: int = 100,
     speed_limit: float = float("inf"),
 ) -> Trajectory:
-    """From rest to rest in a given time [s] with the least integral of xi1^2 + xi2^2.
+    """Move from rest to rest in a given time [s] with the least integral of xi1^2 + xi2^2.
 
-    Constraints, arguments and errors are those of `time_optimal`; the duration must be above zero. Where it is too
-    short the status says that there is no such move.
+    Constraints, arguments and errors are those of `time_optimal`; the duration must be above zero. If it is too short,
+    the status is "failed".
     """
     if not (np.isfinite(duration) and duration > 0):
         raise BadParameter(f"The duration of a move must be finite and above zero, not {duration!r} s.")
@@ -151,7 +150,7 @@ def _move(model: ServoModel, bounds: Limits, start: float, goal: float, interval
 
 
 def _solved(move: Shooting, duration: float | None) -> Trajectory:
-    """The program's answer, and what it is worth when the model is simulated under its torques."""
+    """Solve the program, and check the solution by a simulation of the model with its torques."""
     shot, bounds, N = move.solve(duration), move.bounds, move.intervals
     torques, h = bounds.structure.signs * shot.magnitudes, shot.duration / N
     follower = shot.magnitudes @ bounds.structure.pushing[0]

@@ -1,4 +1,4 @@
-"""What can go wrong in a step, as a number for machine code and as a sentence for people."""
+"""Status of a step: reasons why it is not optimal, as numbers for machine code and as sentences."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import lru_cache
 
 
 class Trouble(IntFlag):
-    """Reasons why a control is not optimal; several may hold at once."""
+    """Reasons why the result of a step is not optimal; several may apply at once."""
 
     NONE = 0
     NO_ANGLE = 1

@@ -1,9 +1,8 @@
-"""Bandwidth, horizon and disturbance rate for any machine: the fastest answer to an unknown torque that is safe.
+"""Automatic choice of bandwidth, horizon and disturbance rate: the fastest disturbance rejection with safe margins.
 
-Both are chosen together, the bandwidth of the control law and that of the filter: least squared error after a step of
-the load's torque, with a peak sensitivity of at most two, a delay margin of at least a sample, and no more change of
-the torque for the encoder's noise than the teeth bear. What the reference asks for is fed forward (`mpc.feed_forward`),
-so nothing of it is lost with a slower loop.
+The bandwidths of control law and filter are chosen together: least squared error after a step of the load torque, with
+a peak sensitivity of at most two, a delay margin of at least one sample, and a limit on the torque changes due to
+encoder noise. The reference has a feedforward (`mpc.feed_forward`), so a slower loop does not degrade tracking.
 """
 
 from __future__ import annotations
@@ -22,44 +21,44 @@ from plant.servo import ServoModel
 from plant.simulation import whole_samples
 
 _HORIZON = 0.25
-"""Time looked ahead, in periods of the bandwidth: with half of it the loop is all but unstable."""
+"""Horizon, in periods of the bandwidth: with half of it the loop is almost unstable."""
 
 _LEAST = 10
-"""Samples looked ahead at least."""
+"""Shortest horizon in samples."""
 
 _PEAK = 1.98
-"""Largest peak sensitivity, two to within the frequencies that are looked at."""
+"""Largest peak sensitivity on the frequency grid, so that the true peak is at most two."""
 
 _SHARE = 0.125
-"""Of the least flank torque, the standard deviation by which the encoder's noise makes the torque change from sample to
-sample: swinging teeth need some times that."""
+"""Standard deviation of the torque change per sample due to encoder noise, as a share of the minimum contact torque: an
+oscillation of the gear contact has several times this amplitude."""
 
 _FLOOR = 1e-3
-"""That torque is taken to be no less than this share of the greatest: with no preload nothing is kept together."""
+"""Lower limit of that standard deviation, as a share of the greatest torque, used without preload."""
 
 _FASTEST, _SLOWEST = 0.2 * np.pi, 0.004
-"""Bandwidths of the law that are looked at, as angles in a sample."""
+"""Range of the bandwidth of the law, as the angle w Ts."""
 
 _FILTERS = (4.0, 32.0)
-"""Bandwidths of the filter that are looked at, in units of that of the law: below, the peak sensitivity is above two
-however slow the loop is. For a bandwidth that is more than the machine allows half of it is tried too."""
+"""Range of the filter bandwidth, in units of that of the law: below it the peak sensitivity is above two for any
+bandwidth of the law. If the bandwidth is given, half of the lower limit is also tried."""
 
 
 _UNSTABLE = 1e9
-"""In units of what is allowed: a search needs numbers that are finite."""
+"""Largest ratio to an allowed value: the search needs finite numbers."""
 
 _FINE = 0.01
-"""Relative error of a bandwidth that is searched for, and ten times it of the filter's: the optimum is flat."""
+"""Relative error of the bandwidth in the search, and a tenth of that of the filter bandwidth: the optimum is flat."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tuning:
-    """What a machine allows.
+    """The tuning for a machine.
 
     Attributes:
         bandwidth: w/(2 pi) [Hz].
-        horizon: samples looked ahead.
-        disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
+        horizon: N [samples].
+        disturbance_rate: rate of the random-walk disturbance [N m/sqrt(s)].
     """
 
     bandwidth: float
@@ -77,16 +76,16 @@ class Tuning:
         greatest: float,
         bandwidth: float | None = None,
     ) -> Tuning:
-        """For a machine, or also for a bandwidth that is wanted [Hz].
+        """The tuning for a machine, optionally for a given bandwidth [Hz].
 
-        At a bandwidth that is more than the machine allows the teeth come first, then the margins.
+        If the given bandwidth is too high for the machine, the limit of torque changes has priority over the margins.
 
         Args:
-            model: inertia, viscous friction and what is late are asked for.
+            model: its inertia, viscous friction, dead times and lags are used.
             sample_time: Ts [s].
             noise: standard deviation of the encoder, its steps included [rad].
-            least: flank torque that is to be left, seen at the load [N m].
-            greatest: torque that the drives together reach in both senses [N m].
+            least: minimum contact torque, at the load [N m].
+            greatest: torque that the drives together reach in both directions [N m].
         """
         w, observer = _chosen(_linear(model), sample_time, noise, quiet(least, greatest), bandwidth)
         return cls(
@@ -97,22 +96,22 @@ class Tuning:
 
 
 def quiet(least: float, greatest: float) -> float:
-    """Change of the torque from sample to sample that the teeth bear all the time [N m], see `Tuning.of`."""
+    """Permitted standard deviation of the torque change from sample to sample [N m], see `Tuning.of`."""
     return max(_SHARE * least, _FLOOR * greatest)
 
 
 def disturbance_rate(inertia: float, observer: float, noise: float, sample_time: float) -> float:
-    """How fast the unknown torque wanders for a filter of a bandwidth [1/s], in [N m/sqrt(s)]."""
+    """Rate of the random-walk disturbance [N m/sqrt(s)] for a filter of bandwidth `observer` [1/s]."""
     return float(inertia * observer**3 * noise * np.sqrt(sample_time))
 
 
 def observer_rate(inertia: float, disturbance_rate: float, noise: float, sample_time: float) -> float:
-    """The inverse of that [1/s]."""
+    """Filter bandwidth [1/s] for a rate of the disturbance: the inverse of `disturbance_rate`."""
     return float(np.cbrt(disturbance_rate / (inertia * noise * np.sqrt(sample_time))))
 
 
 def _linear(model: ServoModel) -> ServoModel:
-    """Inertia, viscous friction and what is late."""
+    """The model with inertia, viscous friction, dead times and lags only."""
     late = tuple(e for e in model.effects if e.delay() or e.lateness() or isinstance(e, SensorLag))
     return ServoModel(
         inertia=model.inertia, gravity=0.0, viscous_friction=model.viscous_friction, effects=late, axis=model.axis
@@ -127,7 +126,7 @@ def _horizon(w: float, sample_time: float) -> int:
 def _chosen(
     model: ServoModel, sample_time: float, noise: float, chatter: float, bandwidth: float | None
 ) -> tuple[float, float]:
-    """Bandwidths of law and filter [1/s]; the torque may change so much from sample to sample [N m]."""
+    """Bandwidths of law and filter [1/s]; `chatter`: permitted std of the torque change per sample [N m]."""
     from scipy.optimize import brentq, minimize_scalar
 
     loop = _family(model, sample_time, noise)
@@ -162,7 +161,7 @@ def _chosen(
 
 
 def _family(model: ServoModel, sample_time: float, noise: float) -> Callable[[float, float], Assessment]:
-    """The loop by the bandwidth of its law [1/s] and that of its filter in units of it."""
+    """The key figures of the loop as a function of law bandwidth [1/s] and ratio of filter to law bandwidth."""
     late, switch = whole_samples(float(model.delay()), sample_time)
     predictor = Predictor(model=model, sample_time=sample_time, switch=max(switch, 0.0))
     still, p = np.zeros(len(model.states)), predictor.parameters

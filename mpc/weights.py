@@ -1,4 +1,4 @@
-"""The weights of the predictive controller, from the bandwidth that its loop is to have."""
+"""The weights of the predictive controller for a given bandwidth of the loop."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def rate_weight(model: ServoModel, bandwidth: float, sample_time: float) -> floa
 
 
 def terminal_weight(model: ServoModel, rate: float, sample_time: float) -> Array:
-    """P of the rigid servo for angle and velocity (2, 2), from its Riccati equation, the torque minimised away."""
+    """P of the rigid servo for angle and velocity (2, 2), from its Riccati equation, minimised over the last torque."""
     A = _transition(model.inertia, model.viscous_friction, sample_time)
     P = rate * settled(A.T, np.array([A[0, 2], A[1, 2], 1.0]), np.diag([1.0 / rate, 0.0, 0.0]))
     return np.asarray(P[:2, :2] - np.outer(P[:2, 2], P[2, :2]) / P[2, 2])
@@ -33,7 +33,7 @@ def terminal_weight(model: ServoModel, rate: float, sample_time: float) -> Array
 
 @lru_cache(maxsize=16)
 def _transition(inertia: float, viscous_friction: float, sample_time: float) -> Array:
-    """(3, 3) of angle, velocity and a torque that stays, over a sample."""
+    """(3, 3) transition matrix of angle, velocity and a constant torque over a sample."""
     from scipy.linalg import expm
 
     rates = [[0.0, 1.0, 0.0], [0.0, -viscous_friction / inertia, 1.0 / inertia], [0.0, 0.0, 0.0]]

@@ -1,4 +1,4 @@
-"""From the command to the torque that reaches the drivetrain, over one integration step of a held command."""
+"""Torque at the output of the actuator for a held command, over one integration step."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from plant.effects import ActuatorLag, Effect, Expression, State
 from plant.effects.ramp import Ramp
 from plant.servo import ServoModel
 
-Own: TypeAlias = Mapping[str, tuple[Any, ...]]  # states of the effects by name
+Own: TypeAlias = Mapping[str, tuple[Any, ...]]  # states of each effect, by the name of the effect
 _TINY = 1e-30
-_LOOKS = tuple((k + 0.5) / 12 for k in range(12))  # shares of a step at which a path is looked at
+_LOOKS = tuple((k + 0.5) / 12 for k in range(12))  # fractions of a step at which a path is sampled
 
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """A torque, or a goal, over a step, in three values and what Simpson's rule over them leaves out of its mean.
+    """Course of a torque or set-point over one step: three values, and the error of Simpson's rule for its mean.
 
-    A lag or a ramp may make its way in much less time than the step. A law without memory (a dead zone, a limit) may
-    bend it within the step: the mean behind it is looked for along the path, and what the looking misses of the mean
-    before it is missed behind it in proportion. So it is right in both limits, and never beyond the two ends.
+    A lag or a ramp can settle in much less time than the step. A static law (dead zone, limit) can bend the course
+    within the step. The mean at the output of such a law is therefore sampled along the path. The sampling error of the
+    input's mean is assumed to reappear at the output in proportion. The result is correct in both limits and stays
+    between the end values.
 
     Attributes:
-        start, half, end: at the start, after half of the step, at its end [N m].
-        early: share of the way from start to end that is missing in the mean of the three [-].
-        path: where the torque is after a share of the step [N m]; None where its way is straight, or there is none.
-        seen: where it was looked at.
+        start, half, end: values at the start, after half of the step, and at its end [N m].
+        early: error of the mean of the three values, as a fraction of end - start [-].
+        path: torque after a fraction of the step [N m]; None for a constant or linear course.
+        seen: cached samples of the path, by fraction of the step.
     """
 
     start: Expression
@@ -41,31 +42,31 @@ class Course:
 
     @classmethod
     def held(cls, torque: Expression) -> Course:
-        """A torque that does not change."""
+        """A constant torque."""
         return cls(start=torque, half=torque, end=torque, early=0.0)
 
     @classmethod
     def straight(cls, torque: Expression, more: Expression) -> Course:
-        """A torque that rises evenly by so much."""
+        """A torque that rises linearly by `more`."""
         return cls(start=torque, half=torque + more / 2, end=torque + more, early=0.0)
 
     @property
     def is_held(self) -> bool:
-        """Whether it does not change: start and end are one and the same expression."""
+        """Whether the torque is constant: start and end are the same expression."""
         return self.start is self.end
 
     @property
     def middle(self) -> Expression:
-        """What stands for the middle of the step, so that Simpson's rule finds the mean [N m]."""
+        """Value for the middle of the step with which Simpson's rule gives the correct mean [N m]."""
         return self.half + 1.5 * self.early * (self.end - self.start)
 
     @property
     def mean(self) -> Expression:
-        """Over the step [N m]."""
+        """Mean over the step [N m]."""
         return (self.start + 4 * self.middle + self.end) / 6
 
     def through(self, law: Callable[[Expression], Expression]) -> Course:
-        """Behind a law without memory."""
+        """The course at the output of a static law."""
         if self.is_held:
             return Course.held(law(self.start))
         behind = Course(
@@ -81,7 +82,7 @@ class Course:
         return replace(behind, early=ca.if_else(ca.fabs(way_behind) > 0, _bounded(early), 0))
 
     def moved(self, factor: Expression, shift: Expression = 0.0) -> Course:
-        """Behind a law that is linear."""
+        """The course at the output of an affine law."""
         if self.is_held:
             return Course.held(factor * self.start + shift)
         return Course(
@@ -93,7 +94,7 @@ class Course:
         )
 
     def limited(self, limit: Expression) -> Course:
-        """Between minus and plus a limit; of a straight way, which steps follow in parts, three values tell enough."""
+        """The course clipped to minus and plus a limit; three values are enough if it is linear, as steps split it."""
 
         def law(torque: Expression) -> Expression:
             return ca.fmax(ca.fmin(torque, limit), -limit)
@@ -102,18 +103,18 @@ class Course:
         return behind if self.path is not None else replace(behind, early=0.0)
 
     def at(self, share: float) -> Expression:
-        """After a share of the step [N m]; the same expression each time, for what comes behind looks at it too."""
+        """Torque after a fraction of the step [N m]; cached, because later effects sample the same expression."""
         if share not in self.seen:
             straight = self.start + share * (self.end - self.start)
             self.seen[share] = straight if self.path is None else self.path(share)
         return self.seen[share]
 
     def _seen_along(self) -> Expression:
-        """What the path has more in the mean than the three values [N m]."""
+        """Mean along the sampled path less the Simpson mean of the three values [N m]."""
         return sum(self.at(share) for share in _LOOKS) / len(_LOOKS) - (self.start + 4 * self.half + self.end) / 6
 
     def followed_by(self, effect: Effect, state: Expression, h: Expression, *, straight: bool) -> Course:
-        """The state of an effect that follows this torque over `h`, if `straight` without a bend on its way."""
+        """The state of an effect driven by this torque over `h`; `straight` if the state moves linearly."""
         entering = self.mean
         if straight:
             after = effect.advance(state, entering, h)
@@ -130,7 +131,7 @@ class Course:
         )
 
     def where(self, condition: Expression, other: Course) -> Course:
-        """This one where a condition holds, elsewhere another."""
+        """This course where a condition holds, the other one elsewhere."""
         straight = self.path is None and other.path is None
         return Course(
             start=ca.if_else(condition, self.start, other.start),
@@ -152,10 +153,10 @@ def _not_zero(way: Expression) -> Expression:
 def played(
     model: ServoModel, own: Own, entering: Course, gain: Expression, h: Expression
 ) -> tuple[Course, dict[str, tuple[Any, ...]]]:
-    """The command behind the effects that shape it before the drive's law, and the states of these after `h`.
+    """The command after the effects that act before the drive's law, and the states of these effects after `h`.
 
-    The goal of a position servo is its command over the servo gain. At gain zero there is none: the command passes, and
-    an internal goal stays where it is.
+    The set-point (goal) of a position servo is its command over the servo gain. At gain zero there is none: the command
+    passes unchanged, and an internal set-point keeps its value.
     """
     states: dict[str, tuple[Any, ...]] = {}
     course = entering
@@ -172,21 +173,21 @@ def played(
 
 
 def _followers(model: ServoModel) -> list[Effect]:
-    """The effects whose state follows what enters them on the way to the drivetrain."""
+    """The effects of the actuator whose state follows their input."""
     kinds = (State.COMMAND, State.GOAL, State.TORQUE)
     return [effect for effect in model.effects if effect.states and effect.states[0] in kinds]
 
 
 def _is_straight(model: ServoModel, effect: Effect) -> bool:
-    """Whether an effect's way has no bend inside an integration step: a ramp at whose end a step ends.
+    """Whether the effect's state moves linearly within an integration step: a ramp, if steps end where the ramp ends.
 
-    That is so where nothing else has a settling time beside it.
+    That is the case if no other effect of the actuator has a settling time.
     """
     return isinstance(effect, Ramp) and len(_followers(model)) == 1
 
 
 def settling_time(model: ServoModel, own: Own, command: Expression, gain: Expression) -> Expression | None:
-    """How long the states on the way to the drivetrain take to follow a new command [s], None if there are none."""
+    """Time for the actuator's states to settle after a new command [s]; None if there are none."""
     times = []
     for effect in _followers(model):
         if State.GOAL in effect.states:
@@ -198,12 +199,12 @@ def settling_time(model: ServoModel, own: Own, command: Expression, gain: Expres
 
 
 def settles_slowly(model: ServoModel, time: float) -> bool:
-    """Whether what follows a command, if anything does, is a lag that goes on for longer than such a time [s]."""
+    """Whether every actuator effect with a state is a lag, and settles no faster than such a time [s]."""
     return all(isinstance(effect, ActuatorLag) and 2 * effect.time_constant >= time for effect in _followers(model))
 
 
 def _or_one(gain: Expression) -> Expression:
-    """The servo gain, by which a command is divided for its goal; one where there is neither."""
+    """The servo gain, for dividing a command into its set-point; one where the gain is zero."""
     return ca.if_else(gain > 0, gain, 1)
 
 

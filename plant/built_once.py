@@ -1,7 +1,8 @@
-"""Builders of recursions: one is built once for its arguments, and its instructions once for all programs.
+"""Builders of recursions: each is built once for its arguments, and its instructions are cached for later programs.
 
-What a builder makes hangs on its arguments and on our own code. So its instructions are kept under a mark of both, but
-not where an argument is somebody's own effect, whose equations may change without our code.
+The result of a builder depends on its arguments and on the code of this package. Cached instructions are therefore
+stored under a hash of both. They are not cached if an argument is a custom effect: its equations may change while the
+code of this package does not.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from plant.recursion import Recursion
 from plant.symbolic import one_at_a_time
 
 Arguments = ParamSpec("Arguments")
-_MOST = 512  # of one builder that are held at a time
-_BUILDERS = ("plant", "identification", "diagnosis")  # packages in which builders stand
+_MOST = 512  # recursions in memory for one builder
+_BUILDERS = ("plant", "identification", "diagnosis")  # packages that contain builders
 
 
 @runtime_checkable
@@ -29,9 +30,10 @@ class _HasEquations(Protocol):
 
 
 def recursion(carried: int) -> Callable[[Callable[Arguments, Any]], Callable[Arguments, Recursion]]:
-    """A builder of a `casadi.Function` whose first `carried` outputs are its next first inputs, as one of recursions.
+    """Decorate a builder of a `casadi.Function` to return a `Recursion`, built once for each set of arguments.
 
-    Its arguments are hashable and, for what it builds, all that counts.
+    The first `carried` outputs of the function are its next first inputs. The arguments are hashable and must determine
+    the result completely.
     """
 
     def of(build: Callable[Arguments, Any]) -> Callable[Arguments, Recursion]:
@@ -47,7 +49,7 @@ def recursion(carried: int) -> Callable[[Callable[Arguments, Any]], Callable[Arg
 
 
 def _folder(build: Callable[..., Any], args: tuple[Any, ...]) -> str | None:
-    """Of the cache, for what is built of some arguments; None where that must not be kept."""
+    """Name of the cache folder for a builder and its arguments; None if the result must not be cached."""
     if build.__module__.partition(".")[0] not in _BUILDERS or not (code := _code()):
         return None
     told = [_told(each) for each in args]
@@ -58,7 +60,7 @@ def _folder(build: Callable[..., Any], args: tuple[Any, ...]) -> str | None:
 
 
 def _told(value: Any) -> str | None:
-    """A value in words that tell it from all others; None if it hangs on code that is not ours."""
+    """Text that identifies a value uniquely; None if it depends on code outside this package."""
     if isinstance(value, _HasEquations):
         return _told(value.equations)
     if isinstance(value, tuple):
@@ -71,7 +73,7 @@ def _told(value: Any) -> str | None:
 
 @lru_cache(maxsize=1)
 def _code() -> str:
-    """Mark of the code of all builders; empty where it cannot be read."""
+    """Hash of the code of all builders; empty if it cannot be read."""
     root = Path(__file__).parent.parent
     try:
         files = sorted(path for name in _BUILDERS for path in (root / name).rglob("*.py"))

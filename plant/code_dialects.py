@@ -9,21 +9,21 @@ import casadi as ca
 import numpy as np
 
 COMPARED = ("<", "<=", "==", "!=", "&&", "||")
-"""C's signs of what is a condition."""
+"""Operators of C whose result is a condition."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
-    """How a language writes what is not the same in both.
+    """The parts of an expression's syntax that differ between languages.
 
     Attributes:
-        number: a constant.
-        functions: by CasADi operation, a template with {0} and {1}, which have brackets in what is no call.
-        infix: by C's sign of a comparison or a connective, the language's own.
+        number: text of a constant.
+        functions: by CasADi operation, a template with {0} and {1}, in brackets unless it is a function call.
+        infix: the language's operator, by C's comparison or logical operator.
         choose: one value where a condition holds, and another elsewhere.
         as_number: 1 or 0 for a condition.
         as_condition: whether a number is not zero.
-        negated: a condition that does not hold.
+        negated: negation of a condition.
     """
 
     number: Callable[[float], str]
@@ -76,7 +76,7 @@ def c99(single: bool) -> Dialect:
 
 
 def structured_text(single: bool) -> Dialect:
-    """Structured Text of IEC 61131-3, with no functions but its own."""
+    """Structured Text of IEC 61131-3, with its standard functions only."""
     plain = {
         ca.OP_EXP: "EXP",
         ca.OP_LOG: "LN",
@@ -157,7 +157,7 @@ def python() -> Dialect:
 
 
 def modelica() -> Dialect:
-    """Modelica, with no functions but its built-in ones."""
+    """Modelica, with its built-in functions only."""
     names = ["exp", "log", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "floor", "ceil"]
     plain = {getattr(ca, f"OP_{name.upper()}"): f"{name}({{0}})" for name in names}
     return Dialect(
@@ -184,7 +184,7 @@ def modelica() -> Dialect:
 
 
 def _decimal(value: float, single: bool) -> str:
-    """A number with a decimal point, with as many digits as it has."""
+    """A number with a decimal point and all of its digits."""
     text = str(np.float32(value)) if single else repr(float(value))
     mantissa, e, exponent = text.partition("e")
     mantissa = mantissa if "." in mantissa else f"{mantissa}.0"

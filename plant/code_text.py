@@ -1,7 +1,7 @@
-"""CasADi expressions as lines of code that people read, in one of the languages of `plant.code_dialects`.
+"""CasADi expressions as readable lines of code, in one of the languages of `plant.code_dialects`.
 
-What is used once stands where it is used; what is used more often gets a name. Nothing is reordered, so that the
-numbers are those of CasADi as far as the functions of the other language are.
+A value that is used once is written in place; a value that is used several times is assigned to a variable. Nothing is
+reordered, so that the results equal those of CasADi as far as the functions of the language do.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _INFIX = {ca.OP_ADD: ("+", 1), ca.OP_SUB: ("-", 1), ca.OP_MUL: ("*", 2), ca.OP_D
 _CALL = re.compile(r"\w+\(\{0\}(, \{1\})?\)")
 _NAME = re.compile(r"\w+")
 _ATOM = 4
-"""How tightly the parts of a text hold together: 1 for a sum, 2 for a product, 3 for a sign, 4 for what needs none."""
+"""Precedence of a text: 1 for a sum, 2 for a product, 3 for a sign, 4 for what never needs brackets."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Named:
-    """A value that is used more than once: its name, what it is, and whether it is a condition."""
+    """A value that is used more than once: its name, its text, and whether it is a condition."""
 
     name: str
     text: str
@@ -38,11 +38,11 @@ class Named:
 
 @dataclass(frozen=True, kw_only=True)
 class Text:
-    """Expressions in a language.
+    """Expressions as text in a language.
 
     Attributes:
-        between: values that are used more than once, in the order in which they are needed.
-        results: the text of each expression by its name.
+        between: values that are used more than once, in order of use.
+        results: text of each expression, by its name.
     """
 
     between: tuple[Named, ...]
@@ -51,12 +51,12 @@ class Text:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Symbolic:
-    """A model's numbers as parameters of a text, but for those of effects without a name, which stay numbers.
+    """The parameters of a model as symbols of a text; those of non-parametric effects stay numbers.
 
     Attributes:
-        values: (P,) to bind the model to.
-        symbols: those of them that are parameters.
-        parameters: of each the name in the text, what it is, and its value.
+        values: (P,) values, numbers or symbols, to bind the model to.
+        symbols: those of the values that are symbols.
+        parameters: for each symbol its name in the text, its `Parameter`, and its value.
     """
 
     values: list[Any]
@@ -65,7 +65,7 @@ class Symbolic:
 
     @classmethod
     def of(cls, model: ServoModel) -> Symbolic:
-        """Of a model."""
+        """Build it for a model."""
         nameless = {effect.name for effect in model.effects if isinstance(effect, Nonparametric)}
         found = cls(values=[], symbols=[], parameters=[])
         for spec, value in zip(model.parameters, model.values, strict=True):
@@ -81,10 +81,10 @@ class Symbolic:
 
 @one_at_a_time
 def text_of(expressions: Mapping[str, Any], symbols: list[Any], dialect: Dialect) -> Text:
-    """Scalar expressions of scalar symbols, which are called by their own names.
+    """Text of scalar expressions of scalar symbols, with the symbols' names as variables.
 
     Raises:
-        NotImplementedError: an operation that the language has no words for.
+        NotImplementedError: the language cannot express an operation.
     """
     outputs = [ca.densify(ca.vertcat(*expressions.values()))]
     function = ca.Function("text", [ca.vertcat(*symbols)], outputs, {"cse": True})
@@ -104,9 +104,9 @@ class _Node:
 
 
 def _read(function: Any, names: list[str]) -> tuple[list[_Node], list[int], list[int]]:
-    """The instructions of a function as nodes, how often each is used, and which of them are its results."""
+    """The instructions of a function as nodes, how often each is used, and which nodes are its results."""
     nodes: list[_Node] = []
-    held: dict[int, int] = {}  # what stands at each place of the function's memory
+    held: dict[int, int] = {}  # node at each place of the function's memory
     results: dict[int, int] = {}
     for k in range(function.n_instructions()):
         operation, into = function.instruction_id(k), function.instruction_output(k)
@@ -133,7 +133,7 @@ def _read(function: Any, names: list[str]) -> tuple[list[_Node], list[int], list
 
 @dataclass(kw_only=True)
 class _Written:
-    """The nodes in words, one after another."""
+    """The text of the nodes, written one after another."""
 
     nodes: list[_Node]
     used: list[int]
@@ -142,7 +142,7 @@ class _Written:
     known: dict[int, tuple[str, int, bool]] = field(default_factory=dict)
 
     def of(self, place: int) -> tuple[str, int, bool]:
-        """Text of a node, how tightly it holds together, and whether it is a condition."""
+        """Text of a node, its precedence, and whether it is a condition."""
         if place in self.known:
             return self.known[place]
         node = self.nodes[place]
@@ -159,7 +159,7 @@ class _Written:
         return self.known[place]
 
     def number(self, place: int, least: int = 0) -> str:
-        """A node as a number, in brackets where it holds together less than that."""
+        """A node as a number, in brackets if its precedence is below `least`."""
         text, tight, condition = self.of(place)
         if condition:
             return self.dialect.as_number.format(text)
@@ -202,7 +202,7 @@ class _Written:
         return template.format(*(self.number(part, least) for part in parts)), _ATOM, False
 
     def _choice(self, first: int, second: int) -> str:
-        """Both halves of an `if_else`, which CasADi adds up, as one; empty where they are another effect."""
+        """Text of both halves of an `if_else`, which CasADi adds; empty if the two nodes are not such a pair."""
         here, there = self.nodes[first], self.nodes[second]
         if here.operation == there.operation == ca.OP_IF_ELSE_ZERO and max(self.used[first], self.used[second]) == 1:
             opposite = self.nodes[there.parts[0]]

@@ -22,21 +22,21 @@ from plant.symbolic import one_at_a_time
 
 Method: TypeAlias = Literal["rk4", "backward_difference"]
 _INSTANT = 1e-15  # [s]
-_TURN = 0.25  # of the rigid body's own motion that an integration step may follow [rad]
-_MOST_STEPS = 20  # in a sample for the rigid body's sake
+_TURN = 0.25  # largest phase of the rigid body's own motion in an integration step [rad]
+_MOST_STEPS = 20  # integration steps per sample that the rigid body may require
 
 INPUTS = ("command", "previous_command", "servo_gain", "command_limit", "time", "dt", "width", "servo_damping")
-"""What a step takes besides state and parameters.
+"""Inputs of a step besides state and parameters.
 
-command:           torque command from now on [N m]; of a position servo: servo gain times goal
-previous_command:  the command before, which acts until a delay inside the sample has passed [N m]; of a measured torque
-                   these two are the next value and the one at the sample
-servo_gain:        by how much the drive's torque falls with the angle [N m/rad]; 0 when the log gives the torque
+command:           torque command from now on [N m]; of a position servo: servo gain times set-point
+previous_command:  the command before, effective until a dead time within the sample has passed [N m]; of a measured
+                   torque these two are the next value and the value at the sample
+servo_gain:        decrease of the drive's torque with the angle [N m/rad]; 0 when the log gives the torque
 command_limit:     bound on the drive's torque [N m]; inf if there is none
 time:              at the start of the sample, on the log's clock [s]
 dt:                time step [s]
-width:             velocity over which dry friction is smoothed [rad/s]; 0 is the exact form, in which stiction holds
-servo_damping:     by how much the drive's torque falls with the velocity of the load [N m s/rad]
+width:             velocity over which dry friction is smoothed [rad/s]; 0 is the exact form, with stiction
+servo_damping:     decrease of the drive's torque with the velocity of the load [N m s/rad]
 """
 
 
@@ -46,17 +46,18 @@ def sample_step(model: ServoModel, *, substeps: int = 1, settling: int = 3, meth
     Args:
         model: its structure is used, not its numbers.
         substeps: integration steps in one sample, see `integration_steps`.
-        settling: steps at least while an actuator settles behind a change of the command. A single one has the mean of
-            its torque right; where it settles slowly also the angle, to a hundredth of what that moves in a sample.
-        method: "rk4" integrates eqs. (4), (6) and the effects by the classical Runge-Kutta method, dry friction by
-            an implicit step; "backward_difference" is eq. (5) of the paper, for models without effects that carry
-            dry friction or state.
+        settling: least number of integration steps while an actuator settles after a change of the command. With one
+            step the mean of its torque is exact; if it settles slowly, the angle has an error of a hundredth of its
+            change in a sample.
+        method: "rk4" integrates eqs. (4), (6) and the effects by the classical Runge-Kutta method, dry friction by an
+            implicit step; "backward_difference" is eq. (5) of the paper, for models without effects that have dry
+            friction or states.
 
     Returns:
         Function of (n,) state [rad, rad/s, effect states], (8,) inputs (see `INPUTS`), (P,) parameters.
 
     Raises:
-        BadParameter: unknown method, or eq. (5) asked for a model that it cannot express.
+        BadParameter: unknown method, or eq. (5) for a model that it cannot express.
     """
     if substeps < 1:
         raise BadParameter(f"substeps must be at least 1, not {substeps}.")
@@ -68,10 +69,10 @@ def sample_step(model: ServoModel, *, substeps: int = 1, settling: int = 3, meth
 
 
 class Structure:
-    """A model seen as the key of a cache: equal when the equations are."""
+    """A model as the key of a cache: two are equal when their equations are."""
 
     def __init__(self, model: ServoModel) -> None:
-        """Of any model with those equations."""
+        """Wrap a model; its numbers do not matter."""
         self.model = model
 
     def __eq__(self, other: object) -> bool:
@@ -79,12 +80,12 @@ class Structure:
         return isinstance(other, Structure) and self.equations == other.equations
 
     def __hash__(self) -> int:
-        """Of the equations."""
+        """Hash of the equations."""
         return hash(self.equations)
 
     @property
     def equations(self) -> tuple[Any, ...]:
-        """What they depend on."""
+        """Everything that determines the equations."""
         return self.model.structure
 
 
@@ -105,14 +106,14 @@ def longest_step(model: ServoModel, sample_time: float, *, stiffness: float = 0.
 
 
 def integration_steps(model: ServoModel, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0) -> int:
-    """Integration steps in one sample, none longer than any effect and a position servo's gains allow."""
+    """Integration steps in one sample, none longer than `longest_step`."""
     longest = longest_step(model, sample_time, stiffness=stiffness, damping=damping)
     return max(1, int(np.ceil(sample_time / longest * (1.0 - 1e-6))))
 
 
 @one_at_a_time
 def sample_reading(model: ServoModel) -> Any:
-    """What the sensor shows: Function of (n,) state and (P,) parameters."""
+    """The measurement of the sensor: Function of (n,) state and (P,) parameters."""
     state, parameters = ca.SX.sym("state", len(model.states)), ca.SX.sym("parameters", len(model.names))
     return ca.Function("sample_reading", [state, parameters], [model.bound(parameters).reading(state)])
 
@@ -147,7 +148,7 @@ def _build(structure: Structure, substeps: int, settling: int, method: Method) -
 
 
 def stretches(model: ServoModel, inputs: Any) -> list[tuple[Expression, Expression]]:
-    """Commands that are held within a sample, and how long: a delay splits it where the new command arrives."""
+    """Commands held within a sample, with durations; a dead time splits the sample where the new command arrives."""
     command, previous, dt = inputs[0], inputs[1], inputs[5]
     if model.lead() is not None:
         return [(previous, dt)]
@@ -158,7 +159,7 @@ def stretches(model: ServoModel, inputs: Any) -> list[tuple[Expression, Expressi
 
 
 def rise(model: ServoModel, inputs: Any) -> Expression:
-    """How fast a measured torque rises over a sample [N m/s]; zero of a command, which is held."""
+    """Slope of a measured torque over a sample [N m/s]; zero for a command, as it is held."""
     return 0.0 if model.lead() is None else (inputs[0] - inputs[1]) / inputs[5]
 
 
@@ -171,10 +172,10 @@ def division(
     substeps: int,
     least: int = 3,
 ) -> list[Expression]:
-    """Lengths of the integration steps over a stretch of constant command; zero of those that are not needed.
+    """Lengths of the integration steps over an interval of constant command; zero for steps that are not needed.
 
-    None is longer than the sample over its `substeps`, and at `least` so many follow a fast actuator while it settles
-    behind the command's change.
+    No step is longer than the sample over its `substeps`. At `least` so many steps cover the settling of a fast
+    actuator after a change of the command.
     """
     gain, dt = inputs[2], inputs[5]
     settling = settling_time(model, model.own_states(state), command, gain)
@@ -185,7 +186,7 @@ def division(
 
 
 def _equal(length: Expression, dt: Expression, substeps: int, *, least: int) -> list[Expression]:
-    """Equal steps, as few as will do, and zeros for the rest."""
+    """Equal steps, as few as necessary, and zeros for the rest."""
     most = max(least, substeps)
     if most == least or ca.is_equal(length, dt):
         return [length / most] * most
@@ -197,8 +198,8 @@ def _equal(length: Expression, dt: Expression, substeps: int, *, least: int) -> 
 def _backward_difference(model: ServoModel, state: Any, step: Step) -> Any:
     """Equation (5) of the paper: J x'' and K x' by backward differences, gravity and torque at the new sample.
 
-    The angle to find stands on both sides; Newton's method on it converges to rounding in a few steps, because
-    alpha T^2 / (J + K T) is far below 1. The state's velocity stands for (x[k-1] - x[k-2]) / T.
+    The unknown angle is on both sides; Newton's method converges to rounding in a few steps, because alpha T^2 / (J + K
+    T) is far below 1. The state's velocity replaces (x[k-1] - x[k-2]) / T.
     """
     before, velocity, h = state[0], state[1], step.length
     torque = actuated(model, {}, step.drive(model, {}, before, velocity), h, velocity)[0].end

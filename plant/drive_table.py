@@ -20,28 +20,28 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _MOST_POINTS = 1_000_000
-_FINER = 16  # looks between two points, for the error of a straight line
-_WHOLE = 1e-3  # of a period, by which a number of them is a whole one
-_ROUNDS = 50  # to the angle at which a sensor shows another one; each cuts the rest by the slope of its error
-_DEAD_ZONES = 10.0  # half widths that the table of a dead zone reaches
+_FINER = 16  # intermediate points between two table points, for the interpolation error
+_WHOLE = 1e-3  # tolerance of a whole number of periods
+_ROUNDS = 50  # iterations for the true angle; each reduces the error by the slope of the position error
+_DEAD_ZONES = 10.0  # half widths that the table of a dead zone covers on each side
 
 Parts: TypeAlias = dict[str, Callable[[Array], Array]]
 Waves: TypeAlias = tuple[tuple[float, float, float], ...]
-"""Of each sine n, amplitude A and phase p: A sin(n x + p)."""
+"""For each sine its order n, amplitude A and phase p: A sin(n x + p)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DriveTable(Drawn):
-    """A table of points between which a drive draws straight lines.
+    """A table of points, interpolated linearly by a drive.
 
     Attributes:
         kind: one of `KINDS`.
-        columns: by name, (points,) values: the variable first, the result last, and between them what it is made of.
-        units: of the columns.
-        meaning: what the last column is, in a sentence.
-        notes: what is to be known of it, a sentence each.
-        harmonics: the sines that it is made of.
-        largest_error: of straight lines between the points, in the unit of the last column.
+        columns: by name, (points,) values: first the variable, last the result, between them its components.
+        units: unit of each column.
+        meaning: meaning of the last column, in a sentence.
+        notes: remarks, a sentence each.
+        harmonics: the sines in the result.
+        largest_error: of linear interpolation between the points, in the unit of the last column.
     """
 
     kind: str
@@ -54,7 +54,7 @@ class DriveTable(Drawn):
 
     @property
     def points(self) -> int:
-        """How many rows."""
+        """Number of rows."""
         return len(next(iter(self.columns.values())))
 
     @property
@@ -64,7 +64,7 @@ class DriveTable(Drawn):
         return names[0], names[-1]
 
     def __repr__(self) -> str:
-        """Kind, points, and what the last column is, in one line."""
+        """Kind, number of points, and meaning of the last column, in one line."""
         return f"DriveTable({self.kind}, {self.points} points; {self.ends[1]}: {self.meaning})"
 
     def to_frame(self) -> pd.DataFrame:
@@ -84,9 +84,9 @@ def drive_table(
     Args:
         model: the servo.
         kind: "friction" over velocity: torque to add in steady motion; "cogging" and "gravity" over the angle: torque
-            to add; "position-error" over the angle that the sensor shows: what it shows too much; "dead-zone" over
-            the torque that shall arrive: command for it.
-        points: rows.
+            to add; "position-error" over the measured angle: error of the measurement; "dead-zone" over the torque to
+            be delivered: command for it.
+        points: number of rows.
         reach: first and last value of the variable. By default a turn of the load per second in both directions, one
             turn of the load without its end (on a linear axis one period), and ten half widths of the dead zone.
 
@@ -147,7 +147,7 @@ def _together(parts: Parts, at: Array) -> Array:
 
 
 def _line_error(parts: Parts, at: Array) -> tuple[float, bool]:
-    """How far straight lines between the points are off, and whether there is a jump at zero, beside which none are."""
+    """Largest error of linear interpolation, and whether there is a jump at zero, which is then excluded from it."""
     fine = np.linspace(at[0], at[-1], _FINER * (at.size - 1) + 1)
     beside = 1e-9 * (at[-1] - at[0]) * np.array([-1.0, 1.0])
     whole, points, step = (_together(parts, place) for place in (fine, at, beside))
@@ -164,7 +164,7 @@ def _line_error(parts: Parts, at: Array) -> tuple[float, bool]:
 
 
 def harmonics(effect: Effect) -> list[tuple[float, float, float]]:
-    """The sines that a wave is made of: n, amplitude A and phase p of A sin(n x + p)."""
+    """The sines of a periodic effect: order n, amplitude A and phase p of A sin(n x + p)."""
     if isinstance(effect, Cogging | EncoderEccentricity):
         return [(effect.order, effect.amplitude, effect.phase)]
     if isinstance(effect, Ripple):
@@ -188,7 +188,7 @@ def _usual(model: ServoModel, kind: str, waves: Waves) -> tuple[float, float]:
 
 
 def _friction(model: ServoModel) -> tuple[str, Parts, list[str]]:
-    """In steady motion, without what depends on the load."""
+    """Friction torque in steady motion, without the load-dependent part."""
     parts: Parts = {"viscous_friction": lambda v: model.viscous_friction * v}
     notes = []
     for effect in model.effects:
@@ -220,7 +220,7 @@ def _gravity(model: ServoModel) -> tuple[str, Parts, list[str]]:
 
 
 def _position_error(model: ServoModel) -> tuple[str, Parts, list[str]]:
-    """Over what the sensor shows: where the load is instead is found by going back."""
+    """Error over the measured angle; the true angle is found by fixed-point iteration."""
     errors = [e for e in model.effects if e.curve_over == "angle" and e.stage is Stage.SENSOR]
 
     def true(shown: Array) -> Array:
@@ -259,10 +259,10 @@ KINDS: Mapping[str, Callable[[ServoModel], tuple[str, Parts, list[str]]]] = {
     "position-error": _position_error,
     "dead-zone": _dead_zone,
 }
-"""Every table that has points."""
+"""The function that computes each kind of table, by its name."""
 
 _RESULTS = {"position-error": "error", "dead-zone": "command"}
-"""What the last column is called, where it is no torque (or force)."""
+"""Name of the last column, where it is not a torque (or force)."""
 
 _MEANINGS = {
     "friction": "what the drive adds against friction at a steady velocity",

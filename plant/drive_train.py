@@ -1,4 +1,4 @@
-"""What one or two drives on a load have in common, whether their teeth are known or only their ratios."""
+"""Common base of the drive trains of one or two drives, given by tooth counts or by ratios only."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class DriveTrain(ABC):
 
         phi_i = b_i theta,    tau = sum_i b_i xi_i                    (equations 1 and 2 of the drive/anti-drive paper)
 
-    Drive 1 of two is the one that pushes the load backward, drive 2 pushes it forward; between them the teeth are kept
-    together. On a linear axis b is a force per torque [N/(N m)], and theta a position.
+    Of two drives, drive 1 pushes the load backward and drive 2 pushes it forward, which keeps both meshes in contact.
+    On a linear axis b is a force per torque [N/(N m)], and theta a position.
     """
 
     @property
@@ -34,12 +34,12 @@ class DriveTrain(ABC):
 
     @property
     def drives(self) -> int:
-        """How many there are, m."""
+        """Number of drives m."""
         return self.torque_map.size
 
     @property
     def senses(self) -> tuple[int, ...]:
-        """(m,) sign that each drive's torque keeps, +1 or -1; of a single drive, which keeps none, that of forward."""
+        """(m,) required sign of each drive's torque, +1 or -1; of a single drive, the sign of forward."""
         forward = np.sign(self.torque_map).astype(int).tolist()
         return (-forward[0], forward[1]) if len(forward) == 2 else tuple(forward)
 

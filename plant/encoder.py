@@ -1,4 +1,4 @@
-"""Encoders: they count, they are noisy, and they show where a shaft was a moment ago."""
+"""Encoders with counts, noise and delay."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Trail = tuple[tuple[float, Array], ...]
-"""Past angles (B, 1 + drives) of loads and rotors with their age [s], newest first; for encoders that lag behind."""
+"""Past angles (B, 1 + drives) of loads and rotors with their age [s], newest first; for encoders with delay."""
 
 
 def counted(angle: ArrayLike, counts: ArrayLike) -> Array:
@@ -25,7 +25,7 @@ def encoder_angles(state: Array) -> Array:
 
 
 def recent_values(state: Array, trail: Trail, delay: float) -> Array:
-    """(B, 1 + drives) angles [rad] as encoders show them that lag by `delay` [s]; before the start: as then."""
+    """(B, 1 + drives) angles [rad] measured with a delay `delay` [s]; before the start: the first angles."""
     if not trail:
         return encoder_angles(state)
     ages = np.array([0.0, *(age for age, _ in trail)])
@@ -38,7 +38,7 @@ def recent_values(state: Array, trail: Trail, delay: float) -> Array:
 
 
 def recent(trail: Trail, duration: float, delay: float) -> Trail:
-    """A trail that is older by a duration [s], without what encoders that lag by `delay` [s] will never show again."""
+    """A trail after a further duration [s], without angles too old for encoders with a delay `delay` [s]."""
     aged = tuple((age + duration, angles) for age, angles in trail)
     needed = next((k for k, (age, _) in enumerate(aged) if age >= delay * (1.0 - 1e-9)), len(aged) - 1)
     return aged[: needed + 1]

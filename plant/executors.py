@@ -1,4 +1,4 @@
-"""Work on many items by any executor of `concurrent.futures`: results in order, none lost with a worker."""
+"""Run work on many items with any executor of `concurrent.futures`: results in order, even if a worker is lost."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ def in_order(
     """The results of a function for each of the items.
 
     Args:
-        work: the function; where the workers are processes it is pickled, with items and results.
-        items: what it is called with.
-        executor: a pool of threads or processes, a `dask.distributed.Client().get_executor()`, any other; None works
-            on one after the other here. When a worker is killed, dask gives its items to another one; a pool of
-            processes is broken by it, and what it has not finished is then done here.
+        work: the function; if the workers are processes it is pickled, with items and results.
+        items: its arguments.
+        executor: a pool of threads or processes, a `dask.distributed.Client().get_executor()`, or any other; None runs
+            the items here, one after the other. If a worker is killed, dask passes its items to another one; a pool of
+            processes breaks, and its unfinished items are then run here.
 
     Yields:
-        The results in the order of the items, each as soon as it and those before it are there. What has not begun is
-        called off when nobody asks for more.
+        The results in the order of the items, each as soon as it and those before it are ready. Pending items are
+        cancelled when the generator is closed.
 
     Raises:
-        What the function raises, in its item's turn.
+        Any exception of the function, in its item's turn.
     """
     if executor is None:
         yield from map(work, items)
@@ -46,7 +46,7 @@ def in_order(
 
 
 def _given(executor: Executor, work: Callable[[Item], Result], item: Item) -> Future[Result]:
-    """The future of an item; of an executor that is broken already, one that says so."""
+    """The future of an item; of an executor that is already broken, one with that exception."""
     try:
         return executor.submit(work, item)
     except BrokenExecutor as broken:

@@ -30,7 +30,7 @@ _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
 def _comment(spec: Parameter) -> str:
-    """Unit and meaning of a parameter, for a comment."""
+    """Unit and meaning of a parameter, for a code comment."""
     return ": ".join(filter(None, (printed(spec.unit), spec.meaning)))
 
 
@@ -39,8 +39,8 @@ class Feedforward:
     """The feed-forward of a model as code.
 
     Attributes:
-        files: name and content of each.
-        shares: what the torque is made of, by the names that the code has for it.
+        files: content of each file, by name.
+        shares: names of the torque's components in the code.
         unit: of the torque.
         lead: how far ahead the set-points should lie [s].
         left_out: what is not compensated, a sentence each.
@@ -55,12 +55,12 @@ class Feedforward:
     single: bool
 
     def sentences(self) -> list[str]:
-        """What it is, for readers."""
+        """A description in sentences."""
         precision = "single" if self.single else "double"
         return [f"Feedforward [{self.unit}] in {precision} precision: {', '.join(self.shares)}.", *self.left_out]
 
     def summary(self) -> dict[str, Any]:
-        """The same for scripts."""
+        """The description as a dictionary, for scripts."""
         return {
             "schema": 1,
             "files": list(self.files),
@@ -73,12 +73,12 @@ class Feedforward:
 
 
 def feedforward_code(model: ServoModel, *, single: bool = False, name: str = "antidrive") -> Feedforward:
-    """The inverse of a model as C99 and as Structured Text: set-points in, torque and its shares out.
+    """The inverse of a model as C99 and as Structured Text: set-points in, torque and its components out.
 
     Args:
         model: the servo.
         single: numbers of 4 bytes instead of 8.
-        name: of the axis, with which files and functions begin: small letters, digits and single underscores.
+        name: of the axis, prefix of files and functions: small letters, digits and single underscores.
 
     Raises:
         BadParameter: a name that is no identifier in both languages.
@@ -103,7 +103,7 @@ def feedforward_code(model: ServoModel, *, single: bool = False, name: str = "an
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Code:
-    """What both languages are written from."""
+    """Common source of both languages."""
 
     model: ServoModel
     name: str
@@ -116,7 +116,7 @@ class _Code:
     @classmethod
     @one_at_a_time
     def of(cls, original: ServoModel, single: bool, name: str) -> _Code:
-        """Named parameters stay symbols, so that they can be read and changed; knots of a curve are numbers."""
+        """Physical parameters stay symbols, readable and adjustable in the code; knots of a curve are numbers."""
         model = original.without_clock()
         own = Symbolic.of(model)
         equations = inverse_equations(model.bound(own.values))
@@ -133,7 +133,7 @@ class _Code:
         )
 
     def text(self, dialect: Dialect) -> Text:
-        """Shares, and what is remembered, in a language."""
+        """Text of the components, and of the memory after the sample, in a language."""
         found = self.equations
         expressions = dict(found.shares)
         if found.remembered:
@@ -142,7 +142,7 @@ class _Code:
 
     @property
     def units(self) -> dict[str, str]:
-        """Of the motion."""
+        """Units of the motion."""
         return moving(self.model)
 
     @property
@@ -151,7 +151,7 @@ class _Code:
         return strength(self.model)
 
     def told(self) -> list[str]:
-        """What stands at the head of each file."""
+        """Header lines of each file."""
         moving = ", ".join(f"{name} [{unit}]" for name, unit in self.units.items())
         unit, lines = torque_unit(self.model), []
         lines.append(f"Feedforward of a servo: the {self.what} [{unit}] that a motion of the load takes.")
@@ -212,7 +212,7 @@ class _Code:
         lines += [f"    const {real} next_{one} = {text.results[f'after {one}']};" for one in self.equations.remembered]
         lines += [f"    self->{one} = next_{one};" for one in self.equations.remembered]
         total = " + ".join(f"self->{share}" for share in self.equations.shares)
-        body = "\n".join(lines)  # what is remembered is part of the struct
+        body = "\n".join(lines)  # stored values are members of the struct
         for one in self.equations.remembered:
             body = re.sub(rf"(?<![\w>]){one}\b", f"self->{one}", body)
         begun = [f"    self->{one} = {place if not k else 0};" for k, one in enumerate(self.equations.remembered)]

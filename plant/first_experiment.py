@@ -1,7 +1,7 @@
-"""The first experiment on a machine of which nothing is known but its limits: what to play before any log exists.
+"""The first experiment on a machine of which only the limits are known: the excitation before any log exists.
 
-In a drive with a position loop: a chirp for inertia, lag and compliance; moves with stops for stiction and backlash;
-slow reversals for presliding; staircase of speeds for friction. In a drive that takes a torque, the same in torque.
+For a drive with a position loop: a chirp for inertia, lag and compliance; moves with stops for stiction and backlash;
+slow reversals for presliding; a staircase of speeds for friction. For a drive with a torque input, the same in torque.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from plant.number import refuse_huge
 if TYPE_CHECKING:
     import pandas as pd
 
-_ROOM = 0.9  # of every limit that is used
-_REST = 0.5  # of a stop [s]
-_SAMPLES = 10  # that a stop has at least
+_ROOM = 0.9  # fraction of every limit that is used
+_REST = 0.5  # duration of a stop [s]
+_SAMPLES = 10  # least number of samples in a stop
 _MOST = 1e5  # samples per second
 _CHIRP = 20.0  # [s]
-_FASTEST = 0.05  # cycles per sample, of the chirp
-_LEAST = 0.02  # of the travel, by which the chirp moves at its end
-_MOVES = (1.0, -1.0, 0.5, -0.5, 0.2, -0.2, 0.05, -0.05, 0.0)  # of half the travel
-_SLOW = (0.01, 0.03, 0.1)  # of the speed, at which it turns back
+_FASTEST = 0.05  # highest frequency of the chirp, in cycles per sample
+_LEAST = 0.02  # least amplitude of the chirp, as a fraction of half the travel
+_MOVES = (1.0, -1.0, 0.5, -0.5, 0.2, -0.2, 0.05, -0.05, 0.0)  # fractions of half the travel
+_SLOW = (0.01, 0.03, 0.1)  # fractions of the speed, for slow reversals
 _SPEEDS = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-_STROKE = 10.0  # [s] that one way takes at most
-_LEVELS = (0.3, -0.3, 0.6, -0.6, 1.0, -1.0, 0.15, -0.15)  # of the torque
+_STROKE = 10.0  # longest duration of one stroke [s]
+_LEVELS = (0.3, -0.3, 0.6, -0.6, 1.0, -1.0, 0.15, -0.15)  # fractions of the torque
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveLimits:
-    """What a drive may do: with a position loop travel, speed and acceleration; without, its torque.
+    """Limits of a drive: with a position loop travel, speed and acceleration; without one, its torque.
 
     Attributes:
         travel: from and to [rad] (on a linear axis [m]).
         speed, acceleration: greatest [rad/s], [rad/s^2].
-        torque: greatest [N m], of a drive that takes a torque; then there is nothing else.
+        torque: greatest [N m], of a drive with a torque input; then there are no other limits.
 
     Raises:
-        BadParameter: a limit is missing, or leaves no room.
+        BadParameter: a limit is missing or has no usable value.
     """
 
     travel: tuple[float, float] | None = None
@@ -79,11 +79,11 @@ def first_experiment(limits: DriveLimits, *, rate: float = 200.0) -> pd.DataFram
         rate: samples per second of the plan; record at this rate or faster.
 
     Returns:
-        Rows of `time` [s], `part` (what the row belongs to), and `setpoint` with its `velocity` and `acceleration`
+        Rows of `time` [s], `part` (name of the section), and `setpoint` with its `velocity` and `acceleration`
         [rad, rad/s, rad/s^2], or `torque` [N m].
 
     Raises:
-        BadParameter: a rate that is too low, at all or for what the limits allow.
+        BadParameter: a rate that is too low, in general or for the limits.
     """
     import pandas as pd
 
@@ -162,7 +162,7 @@ def _positions(limits: DriveLimits, dt: float) -> list[tuple[str, Array]]:
 
 
 def _chirp(half: float, speed: float, acceleration: float, dt: float) -> Array:
-    """About zero, as wide as travel, speed and acceleration allow at each frequency; it begins and ends in rest."""
+    """A chirp about zero, as wide as travel, speed and acceleration allow at each frequency, from rest to rest."""
     slowest = 0.5 * speed / (2.0 * np.pi * half)
     fastest = np.sqrt(acceleration / (_LEAST * half)) / (2.0 * np.pi)
     fastest = max(min(fastest, _FASTEST / dt), 2.0 * slowest)
@@ -185,7 +185,7 @@ def _chirp(half: float, speed: float, acceleration: float, dt: float) -> Array:
 
 
 def _move(start: float, end: float, speed: float, acceleration: float, dt: float) -> Array:
-    """From rest to rest with a trapezoid of velocity, the last sample at the end."""
+    """From rest to rest with a trapezoidal velocity; the last sample is at the end."""
     way = abs(end - start)
     if way == 0.0:
         return np.empty(0)

@@ -1,7 +1,7 @@
-"""The fine step of the rig: motors with rotors, a tooth gap before each, one load.
+"""The fine integration step of the rig: motors with rotors, a backlash between each rotor and one load.
 
-All angles and torques here are referred to the load side, so that a rotor whose angle equals the load's sits in the
-middle of its tooth gap.
+All angles and torques here are referred to the load side. A rotor whose angle equals the load's is in the middle of its
+backlash.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import casadi as ca
 from plant.symbolic import one_at_a_time
 
 BLOCK: Final = 10
-"""Fine steps that are written out one behind the other: a call costs as much as several steps."""
+"""Fine steps that one call executes; the overhead of a call equals that of several steps."""
 
 LOAD_PARAMETERS: Final = (
     "inertia",
@@ -34,7 +34,7 @@ LOAD_PARAMETERS: Final = (
     "mesh_friction",
     "current_lag",
 )
-"""What a machine has once; `current_lag` is the time constant of the current loops [s]."""
+"""Parameters of the machine; `current_lag` is the time constant of the current loops [s]."""
 
 DRIVE_PARAMETERS: Final = (
     "sense",
@@ -45,27 +45,27 @@ DRIVE_PARAMETERS: Final = (
     "stall_torque",
     "emf_damping",
 )
-"""What each drive has, seen from the load; `sense` is the sign of the follower torque that it must keep up."""
+"""Parameters of each drive, referred to the load; `sense` is the required sign of its follower torque."""
 
 REQUIRED_SENSE: Final = (-1.0, 1.0)
-"""Of D1 and D2: D1 pulls back (xi1 > 0), D2 forward (xi2 < 0)."""
+"""Required signs of D1 and D2: D1 pulls backward (xi1 > 0), D2 forward (xi2 < 0)."""
 
 
 def states(drives: int) -> int:
-    """Numbers in a state: load angle and velocity; of each drive angle, velocity, least flank torque, motor torque."""
+    """Size of a state: load angle and velocity; of each drive angle, velocity, least flank torque, motor torque."""
     return 2 + 4 * drives
 
 
 def flank_torque(gap: Any, gap_rate: Any, *, half_play: Any, stiffness: Any, damping: Any) -> Any:
-    """Torque that a rotor passes to the load through its teeth, seen from the load [N m].
+    """Torque transmitted from a rotor to the load through the gear contact, referred to the load [N m].
 
-    Dead zone, spring and damper, clipped to pushing (Nordin, Galic, Gutman 1997): inside the play nothing is passed,
-    on either flank a tooth can push but never pull, however fast it leaves.
+    Dead zone, spring and damper, clipped to pushing (Nordin, Galic, Gutman 1997): no torque is transmitted within the
+    backlash; on either flank a tooth can push but never pull, at any velocity.
 
     Args:
-        gap: rotor angle less load angle [rad], zero in the middle of the play.
+        gap: rotor angle less load angle [rad], zero in the middle of the backlash.
         gap_rate: its derivative [rad/s].
-        half_play: half of the free play [rad].
+        half_play: half of the backlash [rad].
         stiffness: of a flank pair in contact [N m/rad].
         damping: of a flank pair in contact [N m s/rad].
     """
@@ -75,16 +75,16 @@ def flank_torque(gap: Any, gap_rate: Any, *, half_play: Any, stiffness: Any, dam
 
 
 def motor_torque(before: Any, command: Any, velocity: Any, *, lag: Any, stall_torque: Any, emf_damping: Any) -> Any:
-    """Torque of a motor behind its current loop, within what the supply can drive through its winding [N m].
+    """Torque of a motor with its current loop, within the limits of supply and winding [N m].
 
-    The loop of first order comes nearer to the command by 1 - lag in a step. The supply U leaves |U| >= |R i + k w|,
-    hence k i between -k U/R - k^2/R w and k U/R - k^2/R w.
+    The first-order loop approaches the command by the fraction 1 - lag in a step. The supply U requires |U| >= |R i + k
+    w|, hence k i between -k U/R - k^2/R w and k U/R - k^2/R w.
 
     Args:
         before: torque one step ago [N m].
-        command: wanted torque [N m].
+        command: commanded torque [N m].
         velocity: of the rotor [rad/s].
-        lag: exp(-step times bandwidth); zero follows at once.
+        lag: exp(-step times bandwidth); zero for an ideal loop.
         stall_torque: k U/R [N m]; infinite without a supply limit.
         emf_damping: k^2/R [N m s/rad].
     """
@@ -94,7 +94,7 @@ def motor_torque(before: Any, command: Any, velocity: Any, *, lag: Any, stall_to
 
 
 def _rub(velocity: Any, largest_change: Any) -> Any:
-    """Velocity after dry friction of a given impulse over inertia: it slows down, stops, and never turns around.
+    """Velocity after dry friction with a given impulse over inertia: the body slows down or stops, but never reverses.
 
     The implicit step for a set-valued friction law (Moreau 1988); a body at rest is held exactly.
     """
@@ -107,7 +107,7 @@ def fine_steps(drives: int) -> Any:
     """CasADi function (state, command, disturbance, step, parameters) -> state, over `BLOCK` fine steps.
 
     Semi-implicit Euler: velocities from the old positions, positions from the new velocities, dry friction implicit.
-    Inputs: state as in `states`, follower torque that each drive is told to give (drives,) [N m], torque disturbing the
+    Inputs: state as in `states`, commanded follower torque of each drive (drives,) [N m], disturbance torque on the
     load [N m], fine step [s], `LOAD_PARAMETERS` and then `DRIVE_PARAMETERS` of each drive.
     """
     z = ca.SX.sym("z", states(drives))

@@ -1,4 +1,4 @@
-"""Many rigs played at once: each with numbers of its own, the same number of drives."""
+"""Many rigs simulated at once: each with its own parameters, all with the same number of drives."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Array = NDArray[np.float64]
 
 
 class Fleet:
-    """B rigs that are moved together; each gives the very numbers that it gives alone.
+    """B rigs simulated together; each gives exactly the same results as alone.
 
     Raises:
         BadParameter: no rig, or rigs that differ in number of drives, fine step or delay of the encoders.
     """
 
     def __init__(self, rigs: Sequence[Rig]) -> None:
-        """Collect the numbers of the rigs."""
+        """Collect the parameters of the rigs."""
         if not rigs:
             raise BadParameter("A fleet needs at least one rig.")
         first = rigs[0]
@@ -51,11 +51,11 @@ class Fleet:
         self._parameters = np.array([r.parameters for r in rigs])
 
     def __len__(self) -> int:
-        """How many machines there are."""
+        """Number of machines."""
         return len(self.rigs)
 
     def rest(self, angle: float = 0.0, torques: ArrayLike = 0.0) -> FleetState:
-        """All machines at rest, as in `plant.rig.Rig.rest`; torques of shape (B, m), or one that fits it [N m]."""
+        """All machines at rest, as in `plant.rig.Rig.rest`; torques broadcast to (B, m) [N m]."""
         pressed = np.broadcast_to(np.asarray(torques, dtype=np.float64), self._torque_map.shape)
         states = [rig.rest(angle, own) for rig, own in zip(self.rigs, pressed, strict=True)]
         return FleetState(rows=np.concatenate([state.row() for state in states]))
@@ -63,10 +63,10 @@ class Fleet:
     def advance(
         self, state: FleetState, torques: ArrayLike, duration: float, disturbance: ArrayLike = 0.0
     ) -> FleetState:
-        """The state after pinion torques (B, m) [N m] and load torques (B,) [N m] were held for `duration` [s].
+        """The state after pinion torques (B, m) [N m] and load torques (B,) [N m] have been held for `duration` [s].
 
-        Where the encoders lag, the motion stops for a moment at the instant that they will show at the end, so that
-        calls of equal duration read it exactly; after calls of unequal duration they read on a straight line.
+        If the encoders have a delay, the state is also stored at the instant that they will show at the end. Their
+        angles are exact after calls of equal duration; after calls of unequal duration they are interpolated linearly.
 
         Raises:
             BadParameter: a torque or the duration is not a usable number.
@@ -95,11 +95,11 @@ class Fleet:
         return FleetState(rows=rows, trail=recent(past, duration, self._delay))
 
     def flank_torques(self, state: FleetState) -> Array:
-        """(B, m) torque of each required flank [N m], follower side; positive: pushing in the required sense."""
+        """(B, m) torque of each required flank [N m], follower side; positive: pushing in the required direction."""
         return self._flank_torques(state.rows)
 
     def _flank_torques(self, rows: Array) -> Array:
-        """(..., B, m) of states (..., B, S)."""
+        """(..., B, m) flank torques of states (..., B, S)."""
         m = self._drives
         gap, rate = rows[..., 2 : 2 + m] - rows[..., :1], rows[..., 2 + m : 2 + 2 * m] - rows[..., 1:2]
         pressed = np.maximum(np.abs(gap) - self._half_play, 0.0)
@@ -112,19 +112,19 @@ class Fleet:
         return state.rows[:, 2 + 2 * self._drives : 2 + 3 * self._drives]
 
     def measure(self, state: FleetState, noise: ArrayLike = 0.0) -> Array:
-        """(B,) load angles as their encoders show them [rad], with noise (B,) in standard deviations."""
+        """(B,) load angles measured by their encoders [rad], with noise (B,) in standard deviations."""
         return self._load_readings(recent_values(state.rows, state.trail, self._delay), noise)
 
     def motor_angles(self, state: FleetState, noise: ArrayLike = 0.0) -> Array:
-        """(B, m) motor shaft angles as their encoders show them [rad], with noise (B, m) in standard deviations."""
+        """(B, m) motor shaft angles measured by their encoders [rad], with noise (B, m) in standard deviations."""
         return self._motor_readings(recent_values(state.rows, state.trail, self._delay), noise)
 
     def _load_readings(self, angles: Array, noise: ArrayLike) -> Array:
-        """(..., B) of angles (..., B, 1 + m) as `plant.encoder.recent_values` gives them."""
+        """(..., B) load measurements for angles (..., B, 1 + m) as from `plant.encoder.recent_values`."""
         return counted(angles[..., 0] + self._encoder_noise * np.asarray(noise), self._counts)
 
     def _motor_readings(self, angles: Array, noise: ArrayLike) -> Array:
-        """(..., B, m) of angles (..., B, 1 + m) as `plant.encoder.recent_values` gives them."""
+        """(..., B, m) motor measurements for angles (..., B, 1 + m) as from `plant.encoder.recent_values`."""
         turned = self._shaft_map * angles[..., 1:]
         return counted(turned + self._motor_noise * np.asarray(noise), self._motor_counts)
 
@@ -137,14 +137,14 @@ class Fleet:
         start: FleetState | None = None,
         disturbance: ArrayLike = 0.0,
     ) -> FleetRecord:
-        """Play pinion torques (T, B, m) [N m], each row held for `sample_time` [s], and record.
+        """Simulate pinion torques (T, B, m) [N m], each row held for `sample_time` [s], and record.
 
         Args:
             torques: (T, B, m) pinion torques [N m].
             sample_time: [s].
             seeds: (B,) of the encoders' noise.
             start: first state; at rest at angle zero by default.
-            disturbance: torque on the loads [N m], a number or what broadcasts to (T, B).
+            disturbance: torque on the loads [N m], broadcast to (T, B).
 
         Raises:
             BadParameter: the torques have another shape, or a number is not finite.
@@ -187,5 +187,5 @@ class Fleet:
 
 
 def _motor_noise(seed: int, length: int, drives: int) -> Array:
-    """(T, m) noise that leaves the load encoder's as it is."""
+    """(T, m) noise independent of the load encoder's."""
     return np.random.default_rng((seed, 1)).standard_normal((length, drives))

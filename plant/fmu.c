@@ -1,8 +1,8 @@
-/* A sampled machine as a slave of FMI 2.0 for co-simulation. Before this file stand its variables, GUID, SAMPLE_TIME,
-   limits of its parameters, and the machine itself: struct machine with machine_init, machine_begin and machine_end.
+/* A sampled machine as a slave of FMI 2.0 for co-simulation. The code before this file defines its variables, GUID,
+   SAMPLE_TIME, limits of its parameters, and struct machine with machine_init, machine_begin and machine_end.
 
    A sample begins at each whole multiple of SAMPLE_TIME after the start: the inputs are read then and held until it
-   ends. The master may take any steps; only at its communication points does it see and set values. */
+   ends. The master may take any steps; it reads and sets values only at its communication points. */
 
 #include <math.h>
 #include <stddef.h>
@@ -16,7 +16,7 @@
 #define PUBLIC __attribute__((visibility("default")))
 #endif
 
-/* Numbers of FMI 2.0 (fmi2Status, fmi2Type), and its table of what the master does for a slave. */
+/* Enumerations of FMI 2.0 (fmi2Status, fmi2Type), and its callback functions of the master. */
 enum { OK, WARNING, DISCARD, ERROR };
 enum { MODEL_EXCHANGE, CO_SIMULATION };
 typedef struct {
@@ -31,8 +31,8 @@ struct slave {
   const master *calls;
   char name[128];
   double values[VARIABLES], start;
-  long long samples; /* that have ended */
-  int underway;      /* whether one has begun */
+  long long samples; /* number of finished samples */
+  int underway;      /* whether a sample has begun */
   struct machine machine;
 };
 
@@ -87,7 +87,7 @@ PUBLIC int fmi2EnterInitializationMode(struct slave *slave)
   return OK;
 }
 
-/* No machine has an inertia of zero: parameters outside their limits would make every output a NaN, or nonsense. */
+/* Parameters outside their limits, such as zero inertia, would make every output a NaN or meaningless. */
 PUBLIC int fmi2ExitInitializationMode(struct slave *slave)
 {
   for (int i = 0; limits[i].name; ++i) {
@@ -158,7 +158,7 @@ PUBLIC int fmi2Terminate(void *slave)
   return OK;
 }
 
-/* The state of a slave is a copy of it, whoever its master is; serialised it is these bytes. */
+/* The state of a slave is a copy of it, apart from its master and name; serialised, the bytes of the copy. */
 PUBLIC int fmi2GetFMUstate(const struct slave *slave, struct slave **state)
 {
   if (!*state) *state = malloc(sizeof *slave);
@@ -209,7 +209,7 @@ PUBLIC int fmi2DeSerializeFMUstate(const struct slave *slave, const void *bytes,
   return OK;
 }
 
-/* What the description does not offer; a master that asks all the same is told so. */
+/* Functions that the description does not offer; they return an error with a message. */
 #define NOT_OFFERED(name) \
   PUBLIC int name(struct slave *slave) { return refused(slave, #name " is not offered."); }
 

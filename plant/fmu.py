@@ -1,4 +1,4 @@
-"""A sampled machine as an FMU: C code and its description in one file that Simulink and Modelica tools load.
+"""A sampled machine as an FMU: C code and its description in one file for Simulink and Modelica tools.
 
 FMI 2.0, co-simulation (Modelica Association, fmi-standard.org). `plant/fmu.c` has the functions that a tool calls.
 """
@@ -33,14 +33,14 @@ _TARGET = {"linux64": "x86_64-linux-gnu.2.17", "darwin64": "x86_64-macos", "win6
 
 @dataclass(frozen=True, kw_only=True)
 class Variable:
-    """What a tool sees of a machine.
+    """A variable of a machine, as seen by a tool.
 
     Attributes:
-        name: dots divide what belongs together.
-        unit: as elsewhere, "N m"; empty where there is none.
+        name: hierarchical, with dots.
+        unit: such as "N m"; empty if there is none.
         meaning: in words.
         causality: "input", "output", or "parameter", which may be set before the start.
-        start: value of an input or a parameter before anybody sets it.
+        start: value of an input or a parameter before it is set.
         lower, upper: bounds of a parameter.
         whole: whether it is a whole number.
     """
@@ -63,7 +63,7 @@ class Fmu:
         name: of the file and its library; a C identifier.
         description: in a sentence.
         sample_time: between two samples of the machine [s]; a tool may take other steps.
-        variables: in the order in which the machine keeps their values.
+        variables: in the order of their values in the machine.
         machine: C99 code of `struct machine` and its functions, see `plant/fmu.c`.
     """
 
@@ -75,13 +75,13 @@ class Fmu:
 
     @cached_property
     def guid(self) -> str:
-        """Ties library and description together: equal for equal content."""
+        """Identifier shared by library and description: equal for equal content."""
         content = repr((self.name, self.sample_time, self.variables, self.machine))
         return f"{{{uuid.UUID(bytes=hashlib.sha256(content.encode()).digest()[:16])}}}"
 
     @property
     def source(self) -> str:
-        """The library's code, which any C99 compiler takes."""
+        """The library's code, for any C99 compiler."""
         start = ", ".join(repr(float(variable.start)) for variable in self.variables)
         limits = "".join(
             f'  {{{place}, "{variable.name}", {_limit(variable.lower)}, {_limit(variable.upper)}}},\n'
@@ -98,7 +98,7 @@ class Fmu:
 
     @property
     def model_description(self) -> bytes:
-        """modelDescription.xml."""
+        """Content of modelDescription.xml."""
         root = xml.Element(
             "fmiModelDescription",
             fmiVersion="2.0",
@@ -124,7 +124,7 @@ class Fmu:
             for place, variable in enumerate(self.variables, start=1):
                 if variable.causality == "output":
                     unknown = xml.SubElement(listed, "Unknown", index=str(place))
-                    if kind == "Outputs":  # a sample takes its time, so no input passes to an output at once
+                    if kind == "Outputs":  # a sample takes time, so no output depends directly on an input
                         unknown.set("dependencies", "")
         xml.indent(root)
         text: str = xml.tostring(root, encoding="unicode")
@@ -153,7 +153,7 @@ class Fmu:
                 made.writestr(zipfile.ZipInfo(name), part, zipfile.ZIP_DEFLATED)  # without a date: equal each time
 
     def compilers(self) -> dict[str, tuple[str, ...]]:
-        """By platform, the command that makes the library.
+        """The compile command of each library, by platform.
 
         Raises:
             BadParameter: there is no C compiler.
@@ -178,12 +178,12 @@ class Fmu:
 
 
 def _limit(value: float) -> str:
-    """A bound as C writes it."""
+    """A bound in C syntax."""
     return f"{'-' if value < 0 else ''}INFINITY" if math.isinf(value) else repr(float(value))
 
 
 def _describe(variables: xml.Element, reference: int, variable: Variable) -> None:
-    """The element of one variable."""
+    """Add the XML element of one variable."""
     entry = xml.SubElement(
         variables,
         "ScalarVariable",

@@ -1,8 +1,8 @@
-"""The gear train: tooth counts in; speed ratios, torque map and preload direction out.
+"""The gear train: from tooth counts to speed ratios, torque map and preload direction.
 
 Two driving gears D1, D2 mesh with one follower F. "Pinion" is the driving gear of this final mesh; "motor" is the shaft
-in front of the pre-reduction. The senses of the pre-reduction are counted so that a motor turning positively turns its
-pinion positively; the only minus sign left is that of the external final mesh in equations (1) and (2).
+before the pre-reduction. Directions in the pre-reduction are counted so that a positive motor speed turns its pinion
+positively. The only minus sign is that of the external final mesh in equations (1) and (2).
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Ratios(DriveTrain):
-    """Two drives, or one, of which the ratios are known and not the teeth: belts, worms, racks, gearboxes.
+    """One or two drives with known ratios instead of tooth counts: belts, worms, racks, gearboxes.
 
     Attributes:
-        ratios: torque on the load for one newton metre of each drive, of a linear axis force [N/(N m)]; positive where
-            it is counted in the direction of the load, negative where not.
+        ratios: torque on the load for one newton metre of each drive, on a linear axis force [N/(N m)]; positive if
+            both are counted in the same direction, negative otherwise.
         pre_reduction: turns of each motor for one turn of its drive; a number, or one each.
 
     Raises:
@@ -59,7 +59,7 @@ class Ratios(DriveTrain):
         """From "8.05" for both drives, or one for each: "8.05,-8.05".
 
         Raises:
-            BadParameter: the text is written otherwise.
+            BadParameter: the text has another form.
         """
         try:
             first, *others = (float(ratio) for ratio in str(text).split(","))
@@ -82,13 +82,13 @@ class Ratios(DriveTrain):
         return np.broadcast_to(np.asarray(self.pre_reduction, dtype=np.float64), (len(self.ratios),)).copy()
 
     def __str__(self) -> str:
-        """As `parse` reads them."""
+        """Text that `parse` reads."""
         return ",".join(f"{float(ratio)!r}" for ratio in self.ratios)
 
 
 @dataclass(frozen=True, kw_only=True)
 class GearTrain(DriveTrain):
-    """Two pinions on one follower, each behind the same pre-reduction.
+    """Two pinions on one follower, each with the same pre-reduction.
 
     With theta the follower's angle, phi_i and xi_i the angle and torque of pinion i, tau_f the torque on the follower:
 
@@ -96,8 +96,8 @@ class GearTrain(DriveTrain):
         tau_f = -(Nf/N1) xi1 - (Nf/N2) xi2                            (2)
         xi    = particular(tau_f) + lambda [N1, -N2]                  (3)
 
-    (equations 1 to 3 of the drive/anti-drive paper). The lambda term moves nothing: it only preloads the meshes, in
-    the sense [+ -] for lambda > 0.
+    (equations 1 to 3 of the drive/anti-drive paper). The lambda term causes no motion: it only preloads the meshes, in
+    the direction [+ -] for lambda > 0.
 
     Attributes:
         pinion_teeth: teeth (N1, N2) of the two driving gears.
@@ -126,18 +126,18 @@ class GearTrain(DriveTrain):
 
     @classmethod
     def paper(cls) -> GearTrain:
-        """The paper's train: 46/18, 41/17, 42/21 and 161/20, which reduce 99.231 to 1."""
+        """The paper's gear train: 46/18, 41/17, 42/21 and 161/20, a reduction of 99.231 to 1."""
         return cls(pinion_teeth=(20, 20), follower_teeth=161, stages=((46, 18), (41, 17), (42, 21)))
 
     @classmethod
     def parse(cls, text: str) -> GearTrain:
-        """The final mesh as people write it: "20,20:161" are two pinions of 20 teeth on a gear of 161.
+        """The final mesh as text: "20,20:161" are two pinions of 20 teeth on a gear of 161.
 
-        One count before the colon stands for both pinions. The torques are then those of the pinion shafts in their
-        own sense, which the mesh turns round (eq. 2); where they are counted in that of the load, see `Ratios`.
+        One count before the colon is that of both pinions. The torques are then those of the pinion shafts in their own
+        direction, which the mesh reverses (eq. 2); for torques counted in the direction of the load, see `Ratios`.
 
         Raises:
-            BadParameter: the text is written otherwise, or a count is not a positive whole number.
+            BadParameter: the text has another form, or a count is not a positive whole number.
         """
         pinions, colon, follower = text.partition(":")
         try:
@@ -157,7 +157,7 @@ class GearTrain(DriveTrain):
 
     @property
     def pre_reductions(self) -> Array:
-        """(2,) the same for each of both drives, which are alike."""
+        """(2,) the pre-reduction of each drive; both are equal."""
         return np.full(2, self.pre_reduction)
 
     @property
@@ -172,19 +172,19 @@ class GearTrain(DriveTrain):
         return np.array([n1, -n2], dtype=np.float64)
 
     def __str__(self) -> str:
-        """As `parse` reads them."""
+        """Text that `parse` reads."""
         first, second = self.pinion_teeth
         return f"{first},{second}:{self.follower_teeth}"
 
 
 def _refuse_extreme(name: str, ratio: float) -> None:
-    """Raise `BadParameter` for what no gear has, up or down."""
+    """Raise `BadParameter` for a ratio that no gear has, too high or too low."""
     refuse_huge(name, ratio)
     refuse_huge(f"1/{name}", 1 / ratio)
 
 
 def drive_train(text: Any) -> GearTrain | Ratios:
-    """Teeth, "20,20:161", or ratios, "8.05" or "8.05,-8.05", as people and model files write them.
+    """Tooth counts, "20,20:161", or ratios, "8.05" or "8.05,-8.05", from their text.
 
     Raises:
         BadParameter: it is neither.

@@ -1,11 +1,11 @@
-"""A CasADi function as a list of its instructions, which one compiled loop follows, whatever the function is.
+"""A CasADi function as a list of its instructions, executed by one compiled loop that is the same for all functions.
 
-To compile each function takes as long as following it along a hundred thousand rows; most functions of a search over
-models are followed along fewer. So the compiler translates the loop alone, once for all of them. Instructions of one
-kind stand side by side, as far as what they need allows, and are done in one go: that saves two thirds of the time.
-What neither the row nor anything carried moves is worked out in the first row alone.
-The numbers are those of machine code and of CasADi's virtual machine to the last bit: the same operations, of which
-each still finds what it needs.
+Compiling a function takes as long as executing the list for a hundred thousand rows; most functions of a search over
+models are executed for fewer. So only the loop is compiled, once for all of them. Instructions of the same kind are
+grouped, as far as their operands allow, and executed together: that saves two thirds of the time. Instructions that
+depend neither on the row nor on the carried values are executed in the first row only. The results equal those of
+machine code and of CasADi's virtual machine to the last bit: the operations are the same and their operands are
+computed before them.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _OF_TWO = {
     **{"FMIN": "x < y || y != y ? x : y", "FMAX": "x > y || y != y ? x : y", "IF_ELSE_ZERO": "x != 0.0 ? y : 0.0"},
     **{name: f"{name.lower()}(x, y)" for name in ("FMOD", "REMAINDER", "COPYSIGN", "ATAN2", "HYPOT")},
 }
-"""C expressions of CasADi's operations, as CasADi's own code has them."""
+"""C expressions of CasADi's operations, as in CasADi's own code."""
 
 _LOOP = """
 #include <math.h>
@@ -84,15 +84,15 @@ class InstructionTape:
     """Instructions on numbered values: all inputs, then the constants, then one result of each instruction.
 
     Attributes:
-        inputs: number of elements of each input; the carried ones, the row, then what stays the same.
-        carried: how many inputs are carried on.
-        shown: number of elements of each output that is not.
-        constants: that the instructions need.
-        kinds, counts: operation of each group of instructions, and how many it has.
-        once: groups, which stand first, that give the same in every row.
+        inputs: number of elements of each input: the carried ones, the row, then the constant inputs.
+        carried: number of inputs that are carried to the next row.
+        shown: number of elements of each other output.
+        constants: operands of the instructions.
+        kinds, counts: operation of each group of instructions, and the group's size.
+        once: number of leading groups that give the same result in every row.
         first, second: places of each instruction's operands.
         outputs: places of the elements of all outputs.
-        written: number of instructions in the function's code, where what is called several times stands once.
+        written: number of instructions in the function's code, where a function called several times counts once.
     """
 
     inputs: tuple[int, ...]
@@ -110,14 +110,14 @@ class InstructionTape:
     @classmethod
     @one_at_a_time
     def of(cls, function: Any, carried: int) -> InstructionTape | None:
-        """Of a function, dense in all inputs and outputs; None where it has an operation that the loop does not."""
+        """Convert a function that is dense in all inputs and outputs; None if the loop lacks one of its operations."""
         flat = function if function.is_a("SXFunction") else function.expand()
         inputs = [flat.nnz_in(place) for place in range(flat.n_in())]
         begins = np.concatenate(([0], np.cumsum(inputs))).tolist()
         constants: dict[str, int] = {}
-        values: dict[int, int] = {}  # which value is in a cell of CasADi's memory
+        values: dict[int, int] = {}  # index of the value in each cell of CasADi's memory
         kinds, operands, outputs = list[int](), list[tuple[int, int]](), dict[tuple[int, int], int]()
-        unplaced = -1  # results get their places when the instructions have been put in order
+        unplaced = -1  # results get their places after the instructions have been ordered
         for k in range(flat.n_instructions()):
             kind, cells = flat.instruction_id(k), flat.instruction_input(k)
             if kind == ca.OP_INPUT:
@@ -162,7 +162,7 @@ class InstructionTape:
 
     @classmethod
     def read(cls, content: bytes) -> Self:
-        """What `content` has written."""
+        """Read what `content` has written."""
         with np.load(BytesIO(content)) as stored:
             sizes = {name: stored[name].tolist() for name in ("inputs", "carried", "shown", "once", "written")}
             arrays = {name: stored[name] for name in stored.files if name not in sizes}
@@ -171,14 +171,14 @@ class InstructionTape:
 
     @property
     def content(self) -> bytes:
-        """All of it, to be kept in a file."""
+        """All of it as the content of a file."""
         file = BytesIO()
         np.savez(file, **vars(self))
         return file.getvalue()
 
     @property
     def mark(self) -> str:
-        """What two tapes have in common only if they are the same."""
+        """Hash, equal for equal tapes only."""
         arrays = (self.constants, self.kinds, self.counts, self.first, self.second, self.outputs)
         sizes = repr((self.inputs, self.carried, self.shown, self.once))
         return sha256(sizes.encode() + b"".join(values.tobytes() for values in arrays)).hexdigest()
@@ -186,9 +186,9 @@ class InstructionTape:
     def follow(
         self, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array], dust: float = 0.0
     ) -> bool:
-        """Follow along rows (T, width), with what is carried changed in place; False where there is no loop.
+        """Execute for rows (T, width), with the carried values changed in place; False if there is no loop.
 
-        Of what is carried on, zero takes the place of numbers that are smaller than `dust`.
+        Carried values smaller than `dust` are set to zero.
         """
         library = _loop()
         if library is None:
@@ -211,7 +211,7 @@ class InstructionTape:
 
 
 def _written(function: Any) -> int:
-    """Number of instructions in the code of a function and of those that it calls."""
+    """Number of instructions in the code of a function and of the functions that it calls."""
     called = [] if function.is_a("SXFunction") else function.find_functions()
     return sum(
         each.n_instructions() for each in (function, *called) if each.class_name() in ("SXFunction", "MXFunction")
@@ -221,9 +221,9 @@ def _written(function: Any) -> int:
 def _ordered(
     kinds: Sequence[int], operands: Sequence[tuple[int, int]], moving: int
 ) -> tuple[list[int], list[tuple[int, int]], int]:
-    """An order of the instructions, its groups of one kind, and how many of these come before what differs by row.
+    """An order of the instructions, its groups of one kind, and how many leading groups do not depend on the row.
 
-    Operands below zero are results: -1 that of the first instruction. Those below `moving` differ by row.
+    Operands below zero are results: -1 that of the first instruction. Operands below `moving` differ by row.
     """
     moves = list[bool]()
     for both in operands:
@@ -240,9 +240,9 @@ def _ordered(
 def _grouped(
     members: Sequence[int], kinds: Sequence[int], operands: Sequence[tuple[int, int]]
 ) -> tuple[list[int], list[tuple[int, int]]]:
-    """Some of the instructions so that each comes after those of them that it needs, and the groups of one kind.
+    """Order some of the instructions so that operands come first, in groups of one kind.
 
-    The kind of which most are ready is always next.
+    The kind with most ready instructions is always next.
     """
     users: dict[int, list[int]] = {k: [] for k in members}
     missing = dict.fromkeys(members, 0)
@@ -258,7 +258,7 @@ def _grouped(
     while len(order) < len(members):
         kind = max(ready, key=lambda each: len(ready[each]))
         group, begun = ready[kind], len(order)
-        for k in group:  # which grows by what gets ready
+        for k in group:  # grows while instructions become ready
             order.append(k)
             for user in users[k]:
                 missing[user] -= 1
@@ -283,7 +283,7 @@ def _code() -> MachineCode:
 
 
 def _loop() -> ctypes.CDLL | None:
-    """The compiled loop, for which the first call on a machine waits; None without a compiler."""
+    """The compiled loop; the first call on a machine waits for the compiler. None without a compiler."""
     code = _code()
     code.wait()
     return code.library
@@ -294,5 +294,5 @@ def _pointer(values: NDArray[Any]) -> ctypes.c_void_p:
 
 
 def pointers(arrays: Sequence[Array]) -> Any:
-    """Those of some arrays, as C takes them."""
+    """The data pointers of arrays, as C needs them."""
     return (ctypes.c_void_p * (len(arrays) + 1))(*(values.ctypes.data for values in arrays))

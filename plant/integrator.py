@@ -1,6 +1,6 @@
 """One integration step of the servo: actuator, drivetrain, load and sensor under a held command.
 
-The motion is integrated by the classical Runge-Kutta method. What has a closed form is not: states of the actuator,
+The motion is integrated by the classical Runge-Kutta method. Closed forms are used instead for states of the actuator,
 forces that depend on the travel, the sensor, and dry friction at a reversal.
 """
 
@@ -19,14 +19,14 @@ from plant.servo import ServoModel
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """What acts during an integration step.
+    """Inputs of an integration step.
 
     Attributes:
-        command: held torque command, of a position servo servo gain times goal; where it is measured, its value at the
-            beginning [N m].
+        command: held torque command, of a position servo servo gain times set-point; of a measured torque its value at
+            the beginning [N m].
         gain, damping, limit: the drive's law, see `plant.discrete.INPUTS`.
-        rise: how fast a measured torque rises [N m/s].
-        time, length: where the step begins and how long it is [s].
+        rise: slope of a measured torque [N m/s].
+        time, length: start and length of the step [s].
         width: smoothing of dry friction [rad/s].
     """
 
@@ -40,7 +40,7 @@ class Step:
     rise: Expression = 0.0
 
     def entering(self, model: ServoModel) -> Course:
-        """The command, which is held, or the torque that acts where that of the log is measured, and late."""
+        """The held command, or the acting torque if that of the log is measured with a lag."""
         lead = model.lead()
         if lead is None:
             return Course.held(self.command)
@@ -62,7 +62,7 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
     accelerates = _accelerates(model, own, step, x, v)
 
     def arriving(motion: list[Any], part: str) -> tuple[Any, Any]:
-        """Torque behind the actuator and behind the drivetrain, at the start, middle or end of the step."""
+        """Torque after the actuator and after the drivetrain, at the start, middle or end of the step."""
         torque = way.torque(part, motion[0], motion[1], motion[-1])
         if motor is None:
             return torque, torque
@@ -92,7 +92,7 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
 
 
 def _moment(model: ServoModel, step: Step, begin: Any, motion: tuple[Any, Any], torque: Any, elapsed: Any) -> Moment:
-    """The load in motion (angle, velocity), some time after the step began at an angle."""
+    """Variables of the load with a motion (angle, velocity), some time after the step began at an angle."""
     return Moment(
         angle=motion[0],
         velocity=motion[1],
@@ -105,7 +105,7 @@ def _moment(model: ServoModel, step: Step, begin: Any, motion: tuple[Any, Any], 
 
 
 def _accelerates(model: ServoModel, own: Own, step: Step, begin: Any, direction: Any) -> Callable[..., Any]:
-    """Acceleration of the load by angle, velocity, torque and elapsed time: written once, for each stage asks it."""
+    """Acceleration of the load by angle, velocity, torque and elapsed time; built once for all Runge-Kutta stages."""
     angle, velocity, torque, elapsed = asked = [ca.SX.sym("asked") for _ in range(4)]
     at = _moment(model, step, begin, (angle, velocity), torque, elapsed)
     acceleration = model.smooth_acceleration(at, own) - _slowing(model, at, direction)
@@ -114,11 +114,11 @@ def _accelerates(model: ServoModel, own: Own, step: Step, begin: Any, direction:
 
 @dataclass(frozen=True, kw_only=True)
 class _Way:
-    """The way of the torque through the actuator in a step, for any motion of the load: written once likewise.
+    """The torque through the actuator in a step, for any motion of the load; built once for all stages.
 
     Attributes:
-        asked: angle and velocity of the load, which the drive's law sees, and velocity of the motor.
-        course: of the torque behind the actuator.
+        asked: symbols of angle and velocity of the load, for the drive's law, and velocity of the motor.
+        course: of the torque after the actuator.
         states: of the actuator's effects after the step.
     """
 
@@ -133,7 +133,7 @@ class _Way:
         return cls(asked=asked, course=course, states=states)
 
     def torque(self, part: str, *motion: Any) -> Any:
-        """At the start, middle or end of the step [N m]."""
+        """Torque at the start, middle or end of the step [N m]."""
         return _at(getattr(self.course, part), self.asked, motion)
 
     def after(self, *motion: Any) -> dict[str, tuple[Any, ...]]:
@@ -142,7 +142,7 @@ class _Way:
 
 
 def _at(expression: Any, asked: list[Any], values: Sequence[Any]) -> Any:
-    """An expression with values in the place of what is asked for."""
+    """An expression with values substituted for its symbols."""
     expression = ca.SX(expression)
     if not ca.depends_on(expression, ca.vertcat(*asked)):
         return expression
@@ -160,13 +160,13 @@ def _own_after(
 ) -> list[Any]:
     """The states of the effects after a step, given the angle at its start, middle and end, and half a step's motion.
 
-    The angle is read in between: a load that is accelerated moves along a parabola, which a slow sensor follows. The
-    drive's law sees half a step from the start.
+    The sensor needs the angle in the middle: an accelerated load moves along a parabola. The drive's law uses the
+    motion at half a step.
     """
     h = step.length
     on_the_way = played(model, own, step.entering(model), step.gain, h)[1]
     on_the_way |= way.after(*half, end[-1])
-    entering = angles  # the sensor
+    entering = angles  # input of the sensor
     states: list[Any] = []
     for effect in model.effects:
         mine: tuple[Any, ...] = own[effect.name]
@@ -198,14 +198,14 @@ def _slowing(model: ServoModel, at: Moment, direction: Any) -> Any:
 
 
 def _stop_and_go(model: ServoModel, x: Any, v: Any, angle: Any, velocity: Any, at: Moment, step: Step) -> list[Any]:
-    """Correct a step from (x, v) to (angle, velocity), taken with the friction of its start, for a stop inside it.
+    """Correct a step from (x, v) to (angle, velocity), taken with the friction of its start, for a stop within it.
 
-    Exact form (width 0): the load slides until it stops; from there on it holds, or slides on if the torque is above
-    breakaway. Nothing chatters at any step length, stiction holds to rounding, and the instant of the reversal is
-    found inside the step.
+    Exact form (width 0): the load slides until it stops; then it sticks, or slides on if the torque is above breakaway.
+    There is no chatter at any step length, stiction holds to rounding, and the instant of the reversal is found within
+    the step.
 
     Smooth form: friction rises linearly with velocity up to `width`, as an implicit step in closed form (Moreau 1988
-    for width 0), so that a fit sees a slope also where the load sticks.
+    for width 0), so that a fit has a derivative also where the load sticks.
     """
     h, width, inertia = step.length, step.width, model.load_inertia(at)
     forward, backward = (level / inertia for level in model.dry_friction(at) or (0.0, 0.0))
@@ -214,7 +214,7 @@ def _stop_and_go(model: ServoModel, x: Any, v: Any, angle: Any, velocity: Any, a
 
     free = v + pull * h
     most = h * ca.if_else(free > 0, forward, backward)
-    reach = width + most + 1e-15  # so that no friction at all has a derivative too
+    reach = width + most + 1e-15  # so that zero friction has a derivative too
     taken = most * ca.fmax(ca.fmin(free / reach, 1), -1)
     smooth = (angle + slowing * h**2 / 2 - h / 2 * taken, free - taken)
 

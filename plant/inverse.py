@@ -1,7 +1,8 @@
-"""The inverse model: the torque that a motion takes, with each effect's share apart.
+"""The inverse model: the torque for a given motion, with the share of each effect.
 
-Equations (4) and (6) read backwards: from the motion of the load to the torque that must arrive there, and from that
-through the actuator's effects to the command. What has a memory of the way, such as presliding, is followed along it.
+Equations (4) and (6) in reverse: from the motion of the load to the torque required there, and from that through the
+actuator's effects to the command. Effects with memory of the travel, such as presliding, are simulated along the
+motion.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from plant.servo import ServoModel
 
 _LOAD = ("load_torque", "dry_friction", "added_inertia")
-_NEWTON = 6  # steps to a torque on which friction depends
+_NEWTON = 6  # iterations for a torque on which friction depends
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,10 +34,10 @@ class InverseEquations:
 
     Attributes:
         motion: angle, velocity and acceleration of the load [rad, rad/s, rad/s^2].
-        memory: the angle before, and the state of each effect that follows the way.
-        remembered: names of what is in the memory.
-        shares: by name, what of the torque is for what [N m]; all together are the torque.
-        after: the memory behind this sample.
+        memory: the previous angle, and the state of each effect with memory of the travel.
+        remembered: names of the memory; empty without such effects.
+        shares: components of the torque by name [N m]; their sum is the torque.
+        after: the memory after this sample.
     """
 
     motion: Any
@@ -47,20 +48,20 @@ class InverseEquations:
 
 
 def inverse(model: ServoModel, angle: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> pd.DataFrame:
-    """The torque command that a motion of the load takes, and what of it is for what.
+    """The torque command for a motion of the load, and its components.
 
     Friction acts against the velocity, at rest against the motion that is about to begin; at rest without acceleration
-    it asks for nothing. A drivetrain that gives is taken as rigid, a command that acts late is not advanced
-    (`time_lead` says by how much it should be), and an effect of the log's clock is left out.
+    it is zero. A flexible drivetrain is taken as rigid, a delayed command is not advanced (`time_lead` gives the
+    delay), and an effect of the log's clock is left out.
 
     Args:
         model: the servo.
-        angle, velocity, acceleration: (T,) of the load, sample after sample [rad, rad/s, rad/s^2] (on a linear axis
-            [m, m/s, m/s^2]); or single numbers.
+        angle, velocity, acceleration: (T,) of the load, sample after sample [rad, rad/s, rad/s^2] (on a linear axis [m,
+            m/s, m/s^2]); or single numbers.
 
     Returns:
-        (T,) rows: `inertia`, `gravity`, `viscous_friction`, a column for each effect that takes or gives torque, and
-        their sum `torque` (on a linear axis `force`). `attrs["unit"]` is the unit of all.
+        (T,) rows: `inertia`, `gravity`, `viscous_friction`, a column for each effect with a torque, and their sum
+        `torque` (on a linear axis `force`). `attrs["unit"]` is the unit of all.
 
     Raises:
         BadParameter: the three do not have the same length, or a value is not finite.
@@ -91,7 +92,7 @@ def time_lead(model: ServoModel) -> float:
 
 
 def unmodelled_effects(model: ServoModel) -> list[str]:
-    """What the inverse model does not undo, and what to do about it; a sentence each."""
+    """Effects that the inverse model does not compensate, and what to do about them; a sentence each."""
     timeless = model.without_clock()
     kept, found = {effect.name for effect in timeless.effects}, []
     clocked = [effect.title for effect in model.effects if effect.name not in kept]
@@ -113,29 +114,29 @@ def unmodelled_effects(model: ServoModel) -> list[str]:
 
 
 def is_active(effect: Effect) -> bool:
-    """Whether an effect takes or gives torque in the inverse model."""
+    """Whether an effect adds to the torque of the inverse model."""
     kind = type(effect)
     return any(getattr(kind, method) is not getattr(Effect, method) for method in (*_LOAD, "command_for"))
 
 
 def strength(model: ServoModel) -> str:
-    """What a drive gives: "torque", or "force" on a linear axis."""
+    """Output of a drive: "torque", or "force" on a linear axis."""
     return "torque" if model.axis == "rotary" else "force"
 
 
 def moving(model: ServoModel) -> dict[str, str]:
-    """What the motion of the load is called, and its units."""
+    """Names of the load's motion variables, with their units."""
     place, length = ("angle", "rad") if model.axis == "rotary" else ("position", "m")
     return {place: length, "velocity": f"{length}/s", "acceleration": f"{length}/s^2"}
 
 
 def torque_unit(model: ServoModel) -> str:
-    """The unit of that."""
+    """Unit of the torque, or force."""
     return model.torque_unit or {"rotary": "N m", "linear": "N"}[model.axis]
 
 
 def inverse_equations(model: ServoModel) -> InverseEquations:
-    """The inverse of a model without clocked effects, whose parameters may be numbers or symbols."""
+    """The inverse of a model without clocked effects, with numbers or symbols as parameters."""
     x, v, a = motion = [ca.SX.sym(name) for name in moving(model)]
     states = _states(model)
     memory = [ca.SX.sym(name) for name in (f"{x.name()}_before", *(f"{effect.name}_state" for effect in states))]
@@ -175,12 +176,12 @@ def inverse_equations(model: ServoModel) -> InverseEquations:
 
 
 def _states(model: ServoModel) -> list[Effect]:
-    """The effects that follow the way of the load."""
+    """The effects with memory of the travel."""
     return [effect for effect in model.effects if effect.states == (State.RELAXED,) and is_active(effect)]
 
 
 def _against(levels: tuple[Expression, Expression] | None, towards: Expression) -> Expression:
-    """What dry friction takes in a direction, which is -1, 0 or 1."""
+    """Dry friction in a direction, which is -1, 0 or 1."""
     if levels is None:
         return 0.0
     forward, backward = map(ca.SX, levels)
@@ -190,9 +191,9 @@ def _against(levels: tuple[Expression, Expression] | None, towards: Expression) 
 
 
 def _arriving(load_shares: Any) -> Expression:
-    """The torque at the load, on which its own friction may depend: found by Newton's method.
+    """The torque at the load if friction depends on it, by Newton's method.
 
-    One step is exact where the dependence is a straight line, and two where it has a kink at zero.
+    One step is exact for a linear dependence, and two for one with a kink at zero.
     """
     torque = ca.SX.sym("torque")
     short = ca.SX(sum(load_shares(torque).values())) - torque
@@ -206,7 +207,7 @@ def _arriving(load_shares: Any) -> Expression:
 
 @one_at_a_time
 def _followed(model: ServoModel, motion: Array) -> tuple[tuple[str, ...], Array]:
-    """Names of the shares, and (shares, T) their course along a motion (3, T)."""
+    """Names of the components, and (shares, T) their values along a motion (3, T)."""
     found = inverse_equations(model)
     inputs = [ca.vertcat(*found.memory), ca.vertcat(*found.motion)]
     outputs = [ca.densify(ca.vertcat(*found.after)), ca.densify(ca.vertcat(*found.shares.values()))]

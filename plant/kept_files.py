@@ -1,7 +1,8 @@
-"""Files that are kept from one program to the next, in the user's cache folder.
+"""Files cached between programs, in the user's cache folder.
 
-Each has the hash of its content as its name: one that was cut short is noticed and thrown away. So is what nobody has
-used for a long time, such as that of an older version, and what has been used longest ago where there is very much.
+The name of each file is the hash of its content: a truncated one is recognised and deleted. Files that have not been
+used for a long time, such as those of an older version, are deleted; so are the least recently used ones if there are
+very many.
 """
 
 from __future__ import annotations
@@ -18,20 +19,20 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 _LONG = 90 * 86400.0  # [s]
-_MOST = 10_000  # folders, of 50 kB in the mean
+_MOST = 10_000  # folders, of 50 kB on average
 
 
 def mark(content: bytes) -> str:
-    """A name that two contents have in common only if they are the same."""
+    """Hash of a content, used as a name."""
     return hashlib.sha256(content).hexdigest()[:24]
 
 
 def kept(folder: str, ending: str) -> Path | None:
-    """The whole file in a folder of the cache; None where there is none, or none that can be read."""
+    """The complete file in a folder of the cache; None if there is none, or none that can be read."""
     try:
         for path in (_cache() / folder).glob(f"*.{ending}"):
             if path.stem == mark(path.read_bytes()):
-                with suppress(OSError):  # not ours to write
+                with suppress(OSError):  # no permission to write
                     os.utime(path.parent)
                 return path
             path.unlink()
@@ -41,7 +42,7 @@ def kept(folder: str, ending: str) -> Path | None:
 
 
 def keep(folder: str, content: bytes, ending: str) -> None:
-    """Write a file in one step, so that no other process sees half of it.
+    """Write a file atomically, so that no other process reads a part of it.
 
     Raises:
         OSError: the cache cannot be written.
@@ -53,13 +54,13 @@ def keep(folder: str, content: bytes, ending: str) -> None:
     with beside.open("wb") as file:
         file.write(content)
         file.flush()
-        os.fsync(file.fileno())  # else the new name may outlive a power cut, and the content not
+        os.fsync(file.fileno())  # otherwise a power failure may leave the new name without the content
     os.replace(beside, place / f"{mark(content)}.{ending}")
 
 
 @lru_cache(maxsize=1)
 def _swept(root: Path) -> None:
-    """Throw away what nobody has used for long, and more than can be of use, once in a program."""
+    """Delete what has not been used for long, and the least recently used above a number, once in a program."""
     with suppress(OSError):
         used = sorted(((folder.stat().st_mtime, folder) for folder in root.iterdir()), reverse=True)
         for place, (when, folder) in enumerate(used):

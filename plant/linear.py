@@ -1,4 +1,4 @@
-"""The servo model as a linear one around an operating point, for the tools of linear control."""
+"""The servo model linearised at an operating point, for the tools of linear control."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from plant.symbolic import one_at_a_time
 
 _ITERATIONS = 50
 _CREEP = 1e-3
-"""Smoothing of dry friction in the search for rest [rad/s]: of all torques that it holds, the one it need not."""
+"""Smoothing of dry friction in the search for rest [rad/s]; it selects the torque that needs no stiction."""
 _STARTS = (0.0, *(sign * 10.0**k for k in range(-3, 5) for sign in (1, -1)))
-"""Torques to begin with [N m]: a dead zone has no slope inside, a saturation none outside."""
+"""Torques to begin with [N m]: a dead zone has zero slope inside, a saturation outside."""
 
 
 def linearise(
     model: ServoModel, *, sample_time: float, angle: float = 0.0, velocity: float = 0.0, width: float = 0.0
 ) -> Any:
-    """The sampled model as a `control.StateSpace`: (change of the held torque) -> (change of the reading).
+    """The sampled model as a `control.StateSpace`: (change of the held torque) -> (change of the measurement).
 
         z[k+1] = A z[k] + B u[k],   y[k] = C z[k]
 
-    with the derivatives of `sample_step`. The states are those of the model, and where the command is late also the
-    torques under way.
+    with the derivatives of `sample_step`. The states are those of the model and, if there is a dead time, the delayed
+    torques.
 
     Args:
         model: the servo.
         sample_time: [s].
-        angle, velocity: of the load at the operating point [rad], [rad/s] (on a linear axis [m], [m/s]), which a
-            constant torque keeps and in which everything else has settled.
-        width: velocity up to which dry friction counts as viscous [rad/s]. With 0 a load at rest sticks, and its
-            linear model does not move: B is zero, as it is inside a dead zone.
+        angle, velocity: of the load at the operating point [rad], [rad/s] (on a linear axis [m], [m/s]); a constant
+            torque keeps it there, with all other states settled.
+        width: velocity up to which dry friction counts as viscous [rad/s]. With 0 a load at rest sticks, and its linear
+            model does not move: B is zero, as it is inside a dead zone.
 
     Raises:
         BadParameter: a sample time that is not positive, or no torque keeps the operating point.
     """
-    import control  # takes a second
+    import control  # slow to import
 
     torque, state = operating_point(model, sample_time=sample_time, angle=angle, velocity=velocity, width=width)
     model = model.commanded()
@@ -56,7 +56,7 @@ def linearise(
     n, under_way = len(names), late + 1 if "input_delay.time" in model.names else 0
     whole, entering = np.zeros((n + under_way, n + under_way)), np.zeros((n + under_way, 1))
     whole[:n, :n] = A
-    if under_way:  # behind the states: u[k-1], ..., u[k-late-1]
+    if under_way:  # after the states: u[k-1], ..., u[k-late-1]
         whole[:n, n + late] = B[:, 1]
         entering[n] = 1.0
         whole[n + 1 :, n:-1] = np.eye(late)
@@ -81,8 +81,8 @@ def operating_point(
 ) -> tuple[float, Array]:
     """The constant torque [N m] that keeps a velocity at an angle, and the state (n,) with everything settled.
 
-    Found by Newton's method on one sample: every state but the load's own returns to itself or, where it is an angle,
-    moves on with the load. Arguments and errors are those of `linearise`.
+    Found by Newton's method on one sample: every state except the load's own is periodic or, if it is an angle, moves
+    with the load. Arguments and errors are those of `linearise`.
     """
     if not (np.isfinite(sample_time) and sample_time > 0.0):
         raise BadParameter(f"sample_time must be finite and above zero, not {sample_time:g}.")
@@ -107,7 +107,7 @@ def operating_point(
 
 
 def _inputs(torque: float, sample_time: float, width: float) -> Array:
-    """See `INPUTS`."""
+    """The inputs of a step, see `INPUTS`."""
     return np.array([torque, torque, 0.0, np.inf, 0.0, sample_time, width, 0.0])
 
 
@@ -126,7 +126,7 @@ def _derivatives(structure: Structure, sample_time: float) -> Any:
 @one_at_a_time
 @lru_cache(maxsize=64)
 def _sensor(structure: Structure) -> Any:
-    """(state, parameters) -> derivative of the reading by the state (1, n)."""
+    """(state, parameters) -> derivative of the measurement by the state (1, n)."""
     model = structure.model
     state, parameters = ca.SX.sym("state", len(model.states)), ca.SX.sym("parameters", len(model.names))
     shown = sample_reading(model)(state, parameters)

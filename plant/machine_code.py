@@ -1,9 +1,9 @@
-"""Machine code for what runs over whole logs: C code, if the machine has a compiler.
+"""Machine code for functions that run over whole logs, from C code, if the machine has a compiler.
 
-CasADi's virtual machine is about ten times slower. The compiler works beside the program, which meanwhile goes on with
-the virtual machine, or waits; both give the same numbers to the last bit, since nothing may be contracted or
-reordered. What has been compiled is kept, in a folder with the hash of its source. A file that was cut short would load
-and end the program with a bus error: only whole ones are taken.
+CasADi's virtual machine is about ten times slower. The compiler runs in parallel to the program, which meanwhile uses
+the virtual machine, or waits; both give the same results to the last bit, since no operations may be contracted or
+reordered. Compiled libraries are cached, in a folder with the hash of their source. A truncated file would end the
+program with a bus error when loaded: only complete ones are used.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from pathlib import Path
 from plant import kept_files
 
 _GROUPS = hasattr(os, "killpg")  # of processes
-_changing = threading.RLock()  # held while a compiler is started, until it is known how to end it, and while it ends
+_changing = threading.RLock()  # held while a compiler is started, until its end is registered, and while it is ended
 _FLAGS = ("-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
-"""No number changes by them: `errno` and traps are not used, so that a comparison needs no jump."""
+"""They change no result: `errno` and traps are not used, so that a comparison needs no jump."""
 _NATIVE = "-march=native"
-_ANSWER = 2.0  # seconds within which a compiler says what this processor can
+_ANSWER = 2.0  # seconds to wait for a compiler's answer on the features of this processor
 
 
-if hasattr(os, "register_at_fork"):  # a fork that copied the lock as another thread's would wait for ever
+if hasattr(os, "register_at_fork"):  # a fork that copied the lock as held by another thread would wait for ever
     os.register_at_fork(before=_changing.acquire, after_in_parent=_changing.release, after_in_child=_changing.release)
 
 
 class MachineCode:
     """C code as a library, once it is compiled.
 
-    Nothing of this can fail: without a compiler, a writable cache or patience there is no library.
+    It never raises: without a compiler, a writable cache or the time to compile there is no library.
     """
 
     def __init__(
@@ -51,9 +51,9 @@ class MachineCode:
 
         Args:
             name: of the library.
-            source: its C code, or what writes it once it is needed.
-            mark: what two sources have in common only if they are the same; by default the source itself.
-            start: the compiler at once if there is no library yet, and not when `start` is called.
+            source: its C code, or a function that returns it when it is needed.
+            mark: identifier that is equal for equal sources only; by default the source itself.
+            start: whether to start the compiler at once if there is no library yet, instead of in `start`.
         """
         self._lock = threading.Lock()
         self._library: ctypes.CDLL | None = None
@@ -65,7 +65,7 @@ class MachineCode:
             return
         tuned, processor = _for_this_processor(command)
         self._command = (*tuned, *_FLAGS)
-        machine = (sys.platform, platform.machine(), processor)  # several may share a home
+        machine = (sys.platform, platform.machine(), processor)  # several machines may share a home folder
         mark = self._text() if mark is None else mark
         self._kept = "-".join((name, kept_files.mark("\n".join((*machine, *self._command, mark)).encode())))
         if start:
@@ -74,7 +74,7 @@ class MachineCode:
             self._adopt()
 
     def start(self) -> None:
-        """Start the compiler, unless there is a library by now, one is at work already, or none works."""
+        """Start the compiler, unless there is a library, one is running already, or an earlier attempt failed."""
         with self._lock:
             if self._library is None and self._build is None and not self._failed and not self._adopt():
                 self._build = _Build.start(self._command, self._name, self._text())
@@ -85,7 +85,7 @@ class MachineCode:
 
     @property
     def library(self) -> ctypes.CDLL | None:
-        """The machine code, or None at this moment."""
+        """The machine code, or None while there is none."""
         with self._lock:
             build = self._build
             if build is not None and build.finished:
@@ -94,14 +94,14 @@ class MachineCode:
             return self._library
 
     def wait(self) -> bool:
-        """Wait for the compiler; whether there is machine code."""
+        """Wait for the compiler; return whether there is machine code."""
         build = self._build
         if build is not None:
             build.process.wait()
         return self.library is not None
 
     def _adopt(self) -> bool:
-        """Whether a whole library is kept that this machine can load."""
+        """Load a complete cached library; return whether there is one that this machine can load."""
         try:
             path = kept_files.kept(self._kept, "so")
             self._library = None if path is None else ctypes.CDLL(str(path))
@@ -111,10 +111,10 @@ class MachineCode:
 
 
 class _Build:
-    """A compiler at work in a folder of its own, both of which end with this object, or with its process.
+    """A compiler running in a temporary folder, both of which end with this object, or with its process.
 
-    A worker that was forked ends without what `atexit` and `weakref.finalize` have registered; `multiprocessing` looks
-    after its own.
+    A forked worker ends without the functions registered by `atexit` and `weakref.finalize`; `multiprocessing.util`
+    calls its own finalizers.
     """
 
     def __init__(self, process: subprocess.Popen[bytes], folder: Path) -> None:
@@ -141,7 +141,7 @@ class _Build:
                 stdin=quiet,
                 stdout=quiet,
                 stderr=quiet,
-                start_new_session=_GROUPS,  # a compiler has its work done by others, which end with it
+                start_new_session=_GROUPS,  # a compiler starts subprocesses, which end with its group
             )
             return cls(process, folder)
         except BaseException as error:  # an interruption too, which may come between any two lines
@@ -156,7 +156,7 @@ class _Build:
         return self.process.poll() is not None
 
     def deliver(self, folder: str) -> bool:
-        """Have the result kept."""
+        """Store the result in the cache."""
         try:
             if self.process.returncode != 0:
                 return False
@@ -169,8 +169,8 @@ class _Build:
 
 
 def start_no_more() -> None:
-    """Let what is being started or ended come so far, and start nothing from now on: the process is about to end."""
-    _changing.acquire(timeout=1.0)  # a disk that hangs shall not keep it from ending
+    """Wait for a compiler that is being started or ended, and start none from now on: the process is about to end."""
+    _changing.acquire(timeout=1.0)  # a disk that hangs must not keep the process from ending
 
 
 def _abandon(process: subprocess.Popen[bytes], folder: Path) -> None:
@@ -185,9 +185,9 @@ def _abandon(process: subprocess.Popen[bytes], folder: Path) -> None:
 
 @lru_cache(maxsize=1)
 def compiler() -> tuple[str, ...] | None:
-    """The C compiler: what the environment variable CC says (nothing when it is empty), else cc; None without one.
+    """The C compiler: that of the environment variable CC (none if it is empty), else cc; None without one.
 
-    Where neither is, the one that the package `ziglang` brings serves (`pip install 'antidrive[fast]'`).
+    Without CC and cc, the compiler of the package `ziglang` is used (`pip install 'antidrive[fast]'`).
     """
     command = _words(os.environ.get("CC", "cc"))
     found = shutil.which(command[0]) if command else None
@@ -200,9 +200,9 @@ def compiler() -> tuple[str, ...] | None:
 
 @lru_cache(maxsize=4)
 def _for_this_processor(command: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
-    """A compiler that may use all instructions of this processor, and what it says of them; plain where it cannot.
+    """A command with all instructions of this processor, and the compiler's answer on them; unchanged if not supported.
 
-    That makes long functions 10 to 40 % faster. Options of the user come later, and so have the last word.
+    That makes long functions 10 to 40 % faster. Options of the user come later and take precedence.
     """
     tuned = (command[0], _NATIVE, *command[1:])
     try:
@@ -215,7 +215,7 @@ def _for_this_processor(command: tuple[str, ...]) -> tuple[tuple[str, ...], str]
 
 
 def _words(text: str) -> list[str]:
-    """A command with its options, or a path as it stands: a folder's name may have blanks and apostrophes."""
+    """A command with its options, or a single path, which may contain blanks and apostrophes."""
     if shutil.which(text):
         return [text]
     try:

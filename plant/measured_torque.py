@@ -1,4 +1,4 @@
-"""A torque that was measured, between its samples."""
+"""A measured torque between its samples."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from plant.effects.effect import Array
 
 
 def supporting_points(torque: Array) -> Array:
-    """(T,) values that straight lines connect so that they have what a smooth torque (T,) has [N m].
+    """(T,) values whose linear interpolation represents a smooth torque with samples (T,) [N m].
 
-    Straight lines between the samples themselves lose the share (w Ts)^2 / 12 of a torque of frequency w, which is what
-    a twelfth of the second difference holds.
+    Linear interpolation of the samples themselves loses the fraction (w Ts)^2 / 12 of a torque of frequency w; a
+    twelfth of the second difference is subtracted to compensate.
     """
     found = np.array(torque, dtype=float)
     if found.size > 2:

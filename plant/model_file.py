@@ -1,4 +1,4 @@
-"""model.json: a servo model that outlives the program that found it."""
+"""model.json: a servo model in a file."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ SCHEMA = 1
 
 @dataclass(frozen=True, kw_only=True)
 class ModelFile:
-    """What a model file holds.
+    """Content of a model file.
 
     Attributes:
         model: the servo.
-        std: standard errors of its parameters by name, None where unknown.
-        sample_time: of the log it was fitted to [s], None for a model that was not fitted.
-        source: files that it was fitted to, each with "file" and "sha256".
+        std: standard errors of its parameters by name, None if unknown.
+        sample_time: of the log of its fit [s], None for a model that was not fitted.
+        source: files of its fit, each with "file" and "sha256".
         gears: of the machine, if the log was read with them.
     """
 
@@ -40,17 +40,17 @@ class ModelFile:
     gears: DriveTrain | None = None
 
     def __getattr__(self, name: str) -> Any:
-        """Where the file is used in place of its model, say so."""
+        """Explain where the model is, if the file is used in its place."""
         raise AttributeError(f"a ModelFile has no {name!r}; the servo that it holds is its attribute 'model'.")
 
     @property
     def identified(self) -> bool:
-        """False if it was fitted to a log which determines no parameter; a model that was not fitted is known."""
+        """False if it was fitted to a log that determines no parameter; a model that was not fitted counts as known."""
         return not self.source or any(error is not None for error in self.std.values())
 
     @property
     def friction_std(self) -> float | None:
-        """Standard error of the dry friction at rest, as a share of it; None where there is none or it is unknown."""
+        """Relative standard error of the dry friction at rest; None if there is none or the error is unknown."""
         names, values, level = self.model.names, self.model.values, _level(self.model)
         if not level:
             return None
@@ -65,7 +65,7 @@ class ModelFile:
         return float(square**0.5 / level)
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of the file."""
+        """The content of the file as a dictionary."""
         model = self.model
         entries = {
             spec.name: {"value": float(value), "std": finite(self.std.get(spec.name)), "unit": spec.unit}
@@ -87,7 +87,7 @@ class ModelFile:
         }
 
     def write(self, path: Path) -> None:
-        """Write the file as a whole or not at all."""
+        """Write the file atomically."""
         draft = path.with_name(path.name + ".part")
         draft.write_text(json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")
         draft.replace(path)
@@ -116,7 +116,7 @@ def read_model(path: Path | str, effects: Iterable[type[Effect]] = ()) -> ModelF
     """
     path = Path(path)
     try:
-        content = json.loads(path.read_bytes())  # finds out about a byte order mark
+        content = json.loads(path.read_bytes())  # detects a byte order mark
     except OSError as error:
         raise BadModelFile(f"{path}: cannot be read ({error.strerror}).") from None
     except (ValueError, RecursionError) as error:
@@ -135,7 +135,7 @@ def _parse(content: Any, known: Mapping[str, type[Effect]]) -> ModelFile:
     axis = content.get("axis", "rotary")
     if axis not in get_args(Axis):
         raise BadModelFile(f"axis must be 'rotary' or 'linear', not {axis!r}.")
-    unit = content.get("torque_unit")  # of an older file it is not known to be another than N m
+    unit = content.get("torque_unit")  # in an older file the unit may be missing; then it is N m or N
     if unit is not None and not isinstance(unit, str):
         raise BadModelFile(f"torque_unit must be a unit such as 'N m' or 'V', not {unit!r}.")
     group = _Group(where="parameters", prefix="", axis=axis, torque_unit=unit)
@@ -175,7 +175,7 @@ def _parse(content: Any, known: Mapping[str, type[Effect]]) -> ModelFile:
 
 @dataclass(frozen=True, kw_only=True)
 class _Group:
-    """The parameters that stand together in a file: the model's own, or those of one effect."""
+    """A group of parameters in a file: those of the model, or those of one effect."""
 
     where: str
     prefix: str
@@ -185,7 +185,7 @@ class _Group:
     def numbers(
         self, given: Mapping[str, Any], specs: tuple[Parameter, ...]
     ) -> tuple[dict[str, float], dict[str, float | None]]:
-        """Values by name, and standard errors by whole name; an entry is a number or {"value", "std", "unit"}."""
+        """Values by name, and standard errors by full name; an entry is a number or {"value", "std", "unit"}."""
         unknown = set(given) - {spec.name for spec in specs}
         if unknown:
             known = ", ".join(spec.name for spec in specs)
@@ -193,7 +193,7 @@ class _Group:
         values, std = {}, {}
         for spec in specs:
             if spec.name not in given:
-                if not spec.fitted:  # an older file without it: the effect's own value
+                if not spec.fitted:  # an older file without it: the effect's default
                     continue
                 raise BadModelFile(f"{self.where}: parameter {spec.name!r} is missing.")
             entry = given[spec.name]

@@ -1,7 +1,7 @@
 """A servo as a Modelica class that needs no library: parameters with units, and the equations of every effect.
 
-Modelica has events, but a friction that sticks takes a state machine; here dry friction rises evenly over a small
-velocity, `friction_width`, which is a parameter.
+Stiction in Modelica would need a state machine with events; here dry friction rises smoothly over a small velocity,
+`friction_width`, which is a parameter.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 
 _WIDTH = 1e-3  # velocity over which dry friction rises [rad/s]
-_ONCE = 1e-300  # travel at which the rate of a sliding state is taken, on either side
+_ONCE = 1e-300  # travel for the one-sided rates of a sliding state
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelicaClass:
-    """A class in Modelica: its text, and what it leaves out, a sentence each."""
+    """A class in Modelica: its text, and its omissions, a sentence each."""
 
     text: str
     left_out: tuple[str, ...]
@@ -36,7 +36,7 @@ class ModelicaClass:
 
 @one_at_a_time
 def modelica_class(model: ServoModel, *, name: str = "Antidrive") -> ModelicaClass:
-    """The model as a class with one input, the torque (on a linear axis the force), and what the sensor shows.
+    """The model as a class with one input, the torque (on a linear axis the force), and the measurement as output.
 
     Args:
         model: the servo.
@@ -63,7 +63,7 @@ def _said(effect: Effect) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Equations:
-    """States, the right sides of their equations and of the two that are no states, and the symbols in all of them."""
+    """Names of the states, right sides of all equations, and their symbols."""
 
     states: list[str]
     right: dict[str, Any]
@@ -148,5 +148,5 @@ def _equations(servo: ServoModel, place: str) -> _Equations:
 
 
 def _unit(unit: str) -> str:
-    """As Modelica writes it: "N.m.s2/rad"."""
+    """A unit in Modelica syntax: "N.m.s2/rad"."""
     return "1" if unit in ("-", "rad/rad") else unit.replace("^", "").replace(" ", ".")

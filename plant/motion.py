@@ -1,6 +1,6 @@
-"""Many machines moved at once, by machine code on all cores, or one by one in CasADi's virtual machine.
+"""Many machines simulated at once, by machine code on all cores, or one by one in CasADi's virtual machine.
 
-Both give the same numbers to the last bit, and so does a machine alone or among others.
+Both give the same results to the last bit, for a machine alone or among others.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from plant.symbolic import one_at_a_time
 
 Array = NDArray[np.float64]
 
-_SHARE = 16  # machines that are worth a thread of their own
+_SHARE = 16  # least number of machines per thread
 
 _LOOP = """
 #include <stdlib.h>
@@ -70,7 +70,7 @@ class Motion:
         self._code = MachineCode(f"rig-{drives}", str(generator.dump()) + _LOOP % sizes)
 
     def wait(self) -> bool:
-        """Wait for the compiler; whether there is machine code."""
+        """Wait for the compiler; return whether there is machine code."""
         return self._code.wait()
 
     def advance(
@@ -110,7 +110,7 @@ class Motion:
 
 @lru_cache(maxsize=8)
 def motion(drives: int) -> Motion:
-    """The machine code for that number of drives, made once."""
+    """The `Motion` for that number of drives, built once."""
     return Motion(drives)
 
 

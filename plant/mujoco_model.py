@@ -1,6 +1,6 @@
-"""A servo for MuJoCo: MJCF for what it has attributes for, and a function in Python for the rest.
+"""A servo for MuJoCo: MJCF for the effects with attributes, and a Python function for the others.
 
-MJCF reference: mujoco.readthedocs.io, XML reference. A late command needs the attribute `delay` of an actuator.
+MJCF reference: mujoco.readthedocs.io, XML reference. A dead time needs the attribute `delay` of an actuator.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from plant.symbolic import one_at_a_time
 from plant.units import printed
 
 _GRAVITY = 9.81  # [m/s^2]
-_WEIGHT = 0.01  # share of the inertia that is the mass's, which gravity pulls at; the rest is the armature
+_WEIGHT = 0.01  # fraction of the inertia carried by the mass that gravity acts on; the rest is the armature
 _STEP = 5e-4  # longest time step [s]
 
 
@@ -30,10 +30,10 @@ class MujocoModel:
     """A servo for MuJoCo.
 
     Attributes:
-        files: name and content of each: the MJCF, and where it is needed the function that steps it.
-        native: what the MJCF says.
-        called: what the function says, titles of effects.
-        left_out: what neither says, a sentence each.
+        files: content of each file by name: the MJCF and, if needed, the Python function that steps it.
+        native: effects in the MJCF.
+        called: effects in the function, by title.
+        left_out: omissions, a sentence each.
         timestep: of the simulation [s].
     """
 
@@ -44,7 +44,7 @@ class MujocoModel:
     timestep: float
 
     def sentences(self) -> list[str]:
-        """What is where, for readers."""
+        """Location of each effect, in sentences."""
         found = [f"In the MJCF: {', '.join(self.native)}."]
         if self.called:
             why = "MJCF has no attribute for it, or in another order"
@@ -54,13 +54,13 @@ class MujocoModel:
 
 @one_at_a_time
 def mujoco_model(model: ServoModel, *, sample_time: float | None = None, name: str = "antidrive") -> MujocoModel:
-    """A bench with one joint in MJCF; copy joint and actuator from it into a robot of your own.
+    """A test bench with one joint in MJCF; copy joint and actuator from it into your robot.
 
-    In a robot that has its own links, their inertia and weight come off `armature` and the mass here.
+    In a robot whose links have inertia and mass, subtract them from `armature` and the mass here.
 
     Args:
         model: of a rotary servo.
-        sample_time: for which a command is held [s]; the time step is a whole part of it.
+        sample_time: for which a command is held [s]; it is a multiple of the time step.
         name: of the files.
 
     Raises:
@@ -98,7 +98,7 @@ def mujoco_model(model: ServoModel, *, sample_time: float | None = None, name: s
 
 
 def sensor_effects(model: ServoModel) -> list[Effect]:
-    """What changes the reading without a state of its own."""
+    """Effects on the measurement without a state."""
     return [effect for effect in model.effects if effect.stage is Stage.SENSOR and not effect.states]
 
 
@@ -157,7 +157,7 @@ def _mjcf(native: Native, timestep: float, name: str, *, own_delay: bool) -> str
 
 
 def _function(model: ServoModel, native: Native, name: str) -> str:
-    """The Python beside the MJCF; empty where nothing is left to it."""
+    """The Python file for the MJCF; empty if no effect needs it."""
     own = Symbolic.of(model)
     rest = beyond(model.bound(own.values))
     if not rest.effects and ca.is_equal(rest.reading, rest.symbols[0], 5):
@@ -200,7 +200,7 @@ def _lines(lines: Iterable[str]) -> str:
 
 
 def _entering(native: Native, rest: Beyond) -> str:
-    """How the function comes to the torque that leaves lag and limit."""
+    """Code for the torque after lag and limit."""
     if not rest.needs("torque"):
         return "data.ctrl[self.actuator] = command"
     if native.lag:

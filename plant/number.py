@@ -1,4 +1,4 @@
-"""What counts as a number: Python's own, and scalars of NumPy and other libraries alike; and how large it may be."""
+"""Numbers of Python, and scalars of NumPy and other libraries, as parameters; and their largest magnitude."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 from plant.errors import BadParameter
 
 HUGE = 1e12
-"""No quantity of a servo is beyond it in SI units: squares would lose their digits."""
+"""Largest magnitude of a servo's quantity in SI units: squares of larger ones would lose their digits."""
 
 
 def finite(value: Any) -> float | None:
-    """The value as a float, None unless it is a finite real number; a truth value is none."""
+    """The value as a float, None unless it is a finite real number; a boolean is none."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return None
     try:
@@ -25,7 +25,7 @@ def finite(value: Any) -> float | None:
 
 
 def whole(value: Any) -> int | None:
-    """The value as an int, None unless it is a whole number by its type; a truth value is none."""
+    """The value as an int, None unless its type is a whole number; a boolean is none."""
     if isinstance(value, bool):
         return None
     try:
@@ -35,6 +35,6 @@ def whole(value: Any) -> int | None:
 
 
 def refuse_huge(name: str, value: float) -> None:
-    """Raise `BadParameter` for a number that no servo has, in either sense."""
+    """Raise `BadParameter` for a magnitude that no servo has."""
     if abs(value) > HUGE:
         raise BadParameter(f"{name} = {value:g} is beyond what a servo can have, {HUGE:g} in SI units; check its unit.")

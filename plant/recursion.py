@@ -1,9 +1,9 @@
-"""A function followed along a log: what it hands on goes round, what it shows is written down row by row.
+"""A function evaluated recursively along a log: some outputs are its next inputs, the others are stored row by row.
 
-Predictions, linearisations and the traces of effects with memory are such recursions. They begin as a list of
-instructions that a compiled loop follows. What is followed long is compiled itself meanwhile, which is three times as
-fast; without a compiler CasADi's virtual machine serves, which is ten times slower. All give the same numbers to the
-last bit. Instructions are kept for other programs: where they are, the function itself is not built.
+Predictions, linearisations and the signatures of effects with memory are such recursions. They start as a list of
+instructions that a compiled loop executes. A function that is used for long is compiled itself meanwhile, which is
+three times as fast; without a compiler CasADi's virtual machine is used, which is ten times slower. All give the same
+results to the last bit. Instructions are cached for other programs: then the function itself is not built.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from plant.machine_code import MachineCode
 from plant.symbolic import one_at_a_time
 
 Array: TypeAlias = NDArray[np.float64]
-CHUNK = 250  # rows that one call of the virtual machine covers
-PIECE = 4096  # rows that are followed by instructions before it is asked whether the compiler is done
-PATIENCE = 150_000  # rows after which it is called, if each instruction is written once: by then they took as long
-_DUST = 1e-150  # also its square is a number that is not denormal
+CHUNK = 250  # rows per call of the virtual machine
+PIECE = 4096  # rows executed by instructions before it is checked whether the compiler has finished
+PATIENCE = 150_000  # rows after which the compiler starts, if each instruction counts once: as long as it takes
+_DUST = 1e-150  # its square is still not denormal
 
 _LOOP = """
 #include <stdlib.h>
@@ -66,12 +66,12 @@ class Recursion:
     """A CasADi function (carried ..., row, constants ...) -> (carried ..., shown ...), dense in all of them."""
 
     def __init__(self, build: Callable[[], Any], carried: int, kept: str | None = None) -> None:
-        """Prepare a function whose first `carried` outputs, of which there may be none, are its next first inputs.
+        """Prepare a function whose first `carried` outputs, possibly none, are its next first inputs.
 
         Args:
-            build: makes the function.
-            carried: how many outputs are handed on.
-            kept: folder of the cache for its instructions; by default they are not kept.
+            build: returns the function.
+            carried: number of outputs carried to the next row.
+            kept: folder of the cache for its instructions; by default they are not cached.
         """
         self._build, self._handed = build, carried
         self._built: Any = None
@@ -87,8 +87,8 @@ class Recursion:
     @property
     @one_at_a_time
     def _function(self) -> Any:
-        # No cached_property: Python 3.11 locks it for all objects of a class, and whoever has that lock would wait for
-        # the thread that builds, which may wait for it.
+        # No cached_property: Python 3.11 locks it for all objects of a class. A thread with that lock would wait for
+        # the thread that builds, which may wait for the lock.
         if self._built is None:
             self._built = _without_dust(self._build(), self._handed)
         return self._built
@@ -102,15 +102,15 @@ class Recursion:
         return [self._function.size_out(place) for place in range(self._function.n_out())]
 
     def __call__(self, begin: Sequence[Array], rows: Array, *constants: Array) -> tuple[list[Array], list[Array]]:
-        """Follow the function along `rows`; other threads run meanwhile.
+        """Evaluate the function along `rows`; other threads run meanwhile.
 
         Args:
-            begin: what is carried into the first row; of a matrix one column after another.
+            begin: carried inputs of the first row; a matrix by columns.
             rows: (T, width).
             constants: the function's further inputs.
 
         Returns:
-            What is carried out of the last row, and (T, size) of each output that is shown.
+            The carried outputs of the last row, and (T, size) of each other output.
         """
         rows = np.ascontiguousarray(rows, dtype=float)
         carried = [np.array(value, dtype=float).ravel() for value in begin]
@@ -131,15 +131,15 @@ class Recursion:
         return carried, shown
 
     def wait(self) -> bool:
-        """Have it compiled and wait for that; whether there is machine code."""
+        """Compile it and wait for that; return whether there is machine code."""
         self._code.start()
         return self._code.wait()
 
     def _library(self) -> ctypes.CDLL | None:
-        """The machine code, if there is some; the compiler is called once that pays.
+        """The machine code, if there is some; the compiler is started once that pays.
 
-        It works beside the program, most of whose threads wait for one of them most of the time. Only the virtual
-        machine is so slow that it is better to wait.
+        It runs in parallel to the program, most of whose threads wait for one of them most of the time. Only the
+        virtual machine is so slow that it is better to wait.
         """
         if self._code.library is None and self._followed >= self._patience:
             self._code.start()
@@ -183,12 +183,12 @@ class Recursion:
 
 
 def _instructions(function: Callable[[], Any], carried: int, folder: str | None) -> InstructionTape | None:
-    """The instructions of a function, from where they are kept; None if it has some that cannot be followed."""
+    """The instructions of a function, cached if possible; None if some cannot be executed."""
     path = None if folder is None else kept_files.kept(folder, "npz")
     try:
         if path is not None:
             return InstructionTape.read(path.read_bytes())
-    except OSError:  # meanwhile it is gone
+    except OSError:  # it has been deleted meanwhile
         pass
     tape = InstructionTape.of(function(), carried)
     if folder is not None and tape is not None:
@@ -198,10 +198,9 @@ def _instructions(function: Callable[[], Any], carried: int, folder: str | None)
 
 
 def _own(source: str) -> str:
-    """The generated code for the loop alone: without other callers, the compiler may inline it.
+    """The generated code for use by the loop only: without other callers, the compiler may inline it.
 
-    That makes the rows 4 to 15 % faster and the compiler 6 %. Calls of the library for the lesser and the greater of
-    two numbers took 8 %.
+    That makes the rows 4 to 15 % faster and the compiler 6 %. Library calls of fmin and fmax took 8 %.
     """
     hidden = re.sub(r"^(casadi_\w+|void) casadi_", r"static \1 casadi_", source, flags=re.MULTILINE)
     for name, before in (("fmin", "<"), ("fmax", ">")):
@@ -211,9 +210,9 @@ def _own(source: str) -> str:
 
 @one_at_a_time
 def _without_dust(function: Any, handed: int) -> Any:
-    """The function with zeros for what fades away in its first `handed` outputs.
+    """The function with zeros for values that decay in its first `handed` outputs.
 
-    Where it would get denormal, a processor takes many times as long for it.
+    Denormal numbers would slow a processor down many times.
     """
     if not handed:
         return function
@@ -225,7 +224,7 @@ def _without_dust(function: Any, handed: int) -> Any:
 
 @one_at_a_time
 def _chunk_of(function: Any, handed: int) -> Any:
-    """The function over many rows, its first `handed` outputs handed on."""
+    """The function over many rows, with its first `handed` outputs carried on."""
     places = list(range(handed))
     return function.mapaccum("chunk", CHUNK, places, places) if places else function.map(CHUNK)
 
@@ -233,7 +232,7 @@ def _chunk_of(function: Any, handed: int) -> Any:
 def _in_machine_code(
     library: ctypes.CDLL, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array]
 ) -> None:
-    """Follow in compiled code; what is carried is changed in place."""
+    """Evaluate in compiled code; the carried values are changed in place."""
     failed = library.follow_rows(
         ctypes.c_longlong(len(rows)),
         pointers(carried),

@@ -1,7 +1,7 @@
-"""What a result shows of itself in Python: a table, a picture, a page, and itself in a notebook.
+"""Display of a result in Python: as a table, a figure, a page, and in a notebook.
 
-Results come from packages that do not plot. The package antidrive draws them, and is imported by its name when a
-picture is wanted, as pandas imports its plotting library.
+Results come from packages that do not plot. The package antidrive draws them; it is imported by name when a figure is
+requested, as pandas imports its plotting library.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ _DRAWS = "antidrive.presentation"
 
 
 class Listed:
-    """Base of what tab completion lists only in part."""
+    """Base of classes whose tab completion hides internal names."""
 
     _internal: ClassVar[frozenset[str]] = frozenset()
-    """Names that are left out: they are for the other packages."""
+    """Names that are hidden: they are for the other packages."""
 
     def __dir__(self) -> Iterable[str]:
-        """What a user needs; everything else is reached by its name."""
+        """Names for users; the hidden ones remain accessible."""
         return [name for name in super().__dir__() if name not in self._internal]
 
 
 class Tabled(Listed):
-    """Base of what is a table, also in a notebook."""
+    """Base of results with a table, also in a notebook."""
 
     def to_frame(self) -> pd.DataFrame:
-        """The result as a table; `attrs` has the units that no column tells."""
+        """The result as a table; `attrs` has the units that no column gives."""
         frame: pd.DataFrame = importlib.import_module(_DRAWS).to_frame(self)
         return frame
 
@@ -43,13 +43,13 @@ class Tabled(Listed):
 
 
 class Drawn(Tabled):
-    """Base of results with a picture."""
+    """Base of results with a figure."""
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the result with matplotlib.
 
         Args:
-            axes: to draw in: as many as a drawing without them has; new ones by default.
+            axes: axes to draw in, as many as the drawing has; new ones by default.
 
         Returns:
             The axes: one, or an array of them.
@@ -58,7 +58,7 @@ class Drawn(Tabled):
 
 
 class Presented(Drawn):
-    """Base of results with a picture and a report."""
+    """Base of results with a figure and a report."""
 
     def report(self, path: Path | str) -> Path:
         """Write the result as one page that opens offline.
@@ -67,7 +67,7 @@ class Presented(Drawn):
             path: of the HTML file.
 
         Raises:
-            BadParameter: nothing can be written there.
+            BadParameter: the file cannot be written.
         """
         written: Path = importlib.import_module(_DRAWS).report(self, Path(path))
         return written

@@ -1,7 +1,7 @@
-"""The rig: the machine in place of the machine. It is not the design model.
+"""The rig: a detailed simulation that replaces the machine. It is not the design model.
 
-Motors with rotors of their own drive one load through tooth gaps and flanks that can only push; encoders look at load
-and motors. The controller and the fits only ever see its torques and its encoders.
+Motors with their own rotors drive one load through backlash and flanks that can only push; encoders measure load and
+motors. The controller and the fits only see its torques and its encoders.
 """
 
 from __future__ import annotations
@@ -33,44 +33,44 @@ _MUST_BE_POSITIVE = {
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """The drive/anti-drive machine with elastic, free teeth.
+    """The drive/anti-drive machine with elastic gear contact and backlash.
 
     Load:   J x'' = T1 + T2 - alpha cos x - beta sin x - K x' - c x'|x'| + A sin(n x + phi) + offset - dry friction
-    Rotor:  Jr_i q_i'' = D_i - T_i - viscous and dry friction of the motor        (seen from the load)
-    Teeth:  T_i pushes when |q_i - x| exceeds half the play, and never pulls      (see `plant.flank.flank_torque`)
-    Motor:  D_i follows its command with a lag, within what the supply can drive  (see `plant.flank.motor_torque`)
+    Rotor:  Jr_i q_i'' = D_i - T_i - viscous and dry friction of the motor        (referred to the load) Teeth:  T_i
+    pushes when |q_i - x| exceeds half the backlash, never pulls      (see `plant.flank.flank_torque`) Motor:  D_i
+    follows its command with a lag, within the supply's limits        (see `plant.flank.motor_torque`)
 
-    T1 + T2 stands for the sum over all drives; D_i is the pinion torque times its gear ratio, and follows at once where
+    T1 + T2 is the sum over all drives; D_i is the pinion torque times its gear ratio, without lag if
     `current_bandwidth` is zero. Dry friction holds exactly at rest. Gear stages are rigid: their inertia counts with
-    the rotor's. The step is of first order: halving it halves the error.
+    the rotor's. The integration is of first order: halving the step halves the error.
 
     Attributes:
         gears: the drive train.
-        drives: which pinion of it each motor has, 1 or 2, and thus its sense: (1, 2) is the paper's machine, (2,) has
-            one motor, (1, 1, 2, 2) two pairs. A drive train of one drive has (1,).
+        drives: pinion of each motor, 1 or 2, and thus its direction: (1, 2) is the paper's machine, (2,) has one motor,
+            (1, 1, 2, 2) two pairs. A drive train of one drive has (1,).
         inertia: load inertia J, without the rotors [kg m^2].
         gravity: alpha [N m].
         gravity_offset: beta [N m].
         viscous_friction: K of the load [N m s/rad].
         coulomb_friction: dry friction of the load [N m].
-        breakaway_excess: by how much it is higher near rest [N m].
-        stribeck_velocity: velocity over which that excess fades [rad/s].
+        breakaway_excess: additional dry friction near rest [N m].
+        stribeck_velocity: velocity over which that excess decays [rad/s].
         quadratic_drag: c [N m s^2/rad^2].
         cogging_amplitude, cogging_order, cogging_phase: A [N m], n [periods per turn], phi [rad].
         torque_offset: constant torque on the load [N m].
         rotor_inertia: of each rotor, at the motor shaft [kg m^2].
         motor_viscous, motor_coulomb: friction of each motor, at its shaft [N m s/rad], [N m].
-        torque_constant, winding_resistance: of each motor [N m/A, which is V s/rad], [ohm]; of use with a supply.
-        supply_voltage: [V]; bounds torque and speed; 0 sets no bound.
-        current_bandwidth: of the current loop [Hz]; 0 follows at once.
-        backlash: free play of each final mesh, seen at the load, from flank to flank [rad]; a number, or one a drive.
-        flank_stiffness, flank_damping: of teeth in contact, seen at the load [N m/rad], [N m s/rad].
-        mesh_friction: dry friction of each gear per torque that its teeth pass, felt by its motor [-].
-        encoder_counts: counts per turn of the load's encoder; 0 reads without steps.
-        encoder_noise: standard deviation before counting [rad].
-        motor_encoder_counts: counts per turn of the motors' encoders; 0 reads without steps.
-        motor_encoder_noise: standard deviation at the motor shaft before counting [rad].
-        encoder_delay: how long ago all encoders' angles were true [s].
+        torque_constant, winding_resistance: of each motor [N m/A, which is V s/rad], [ohm]; used with a supply.
+        supply_voltage: [V]; limits torque and speed; 0 for no limit.
+        current_bandwidth: of the current loop [Hz]; 0 for no lag.
+        backlash: of each final mesh, at the load, from flank to flank [rad]; a number, or one per drive.
+        flank_stiffness, flank_damping: of teeth in contact, at the load [N m/rad], [N m s/rad].
+        mesh_friction: dry friction of each gear per transmitted torque, acting on its motor [-].
+        encoder_counts: counts per turn of the load's encoder; 0 for no quantisation.
+        encoder_noise: standard deviation before quantisation [rad].
+        motor_encoder_counts: counts per turn of the motors' encoders; 0 for no quantisation.
+        motor_encoder_noise: standard deviation at the motor shaft before quantisation [rad].
+        encoder_delay: delay of all encoders [s].
         fine_step: longest integration step [s].
 
     Raises:
@@ -110,7 +110,7 @@ class Rig:
     fine_step: float = 20e-6
 
     def __post_init__(self) -> None:
-        """Check every number, and that the fine step resolves the stiffest vibration."""
+        """Check every number, and that the fine step resolves the fastest vibration."""
         pinions = range(1, self.gears.drives + 1)
         if not self.drives or any(isinstance(d, bool) or d not in pinions for d in self.drives):
             named = " or ".join(map(str, pinions))
@@ -136,7 +136,7 @@ class Rig:
 
     @classmethod
     def paper_like(cls, **changes: Any) -> Rig:
-        """J = 2, alpha = 0.5, K = 0.8, the paper's gears, 4 arcmin of play, small motors; `changes` replace fields.
+        """J = 2, alpha = 0.5, K = 0.8, the paper's gears, 4 arcmin of backlash, small motors; `changes` replace fields.
 
         With `supply_voltage=36` the motors' no-load speed is the paper's 2000 rpm; their winding resistance and inertia
         are not in the paper.
@@ -160,7 +160,7 @@ class Rig:
 
     @cached_property
     def senses(self) -> Array:
-        """(m,) sign of the follower torque that each drive must keep up."""
+        """(m,) required sign of each drive's follower torque."""
         return np.array(REQUIRED_SENSE)[self._pinions]
 
     @property
@@ -170,13 +170,13 @@ class Rig:
 
     @property
     def emf_damping(self) -> Array:
-        """(m,) slope of a motor's greatest torque over speed at a given voltage, seen from the load [N m s/rad]."""
+        """(m,) decrease of a motor's largest torque with speed at a given voltage, referred to the load [N m s/rad]."""
         limited = self.supply_voltage > 0.0
         return limited * (self.torque_constant * self.motor_ratios) ** 2 / self.winding_resistance
 
     @property
     def half_play(self) -> Array:
-        """(m,) [rad]."""
+        """(m,) half the backlash [rad]."""
         return np.broadcast_to(np.asarray(self.backlash, dtype=np.float64) / 2, (len(self.drives),))
 
     @cached_property
@@ -190,14 +190,14 @@ class Rig:
 
     @cached_property
     def stall_torques(self) -> Array:
-        """(m,) greatest torque of each motor at standstill, seen from the load [N m]; infinite without a supply."""
+        """(m,) largest torque of each motor at standstill, referred to the load [N m]; infinite without a supply."""
         if self.supply_voltage == 0.0:
             return np.full(len(self.drives), np.inf)
         return self.motor_ratios * self.torque_constant * self.supply_voltage / self.winding_resistance
 
     @cached_property
     def parameters(self) -> Array:
-        """(P,) what `plant.flank.fine_steps` takes."""
+        """(P,) parameters of `plant.flank.fine_steps`."""
         ratios, bandwidth = self.motor_ratios, self.current_bandwidth
         of_load = {name: getattr(self, name) for name in LOAD_PARAMETERS if hasattr(self, name)}
         of_load["current_lag"] = 1.0 / (2.0 * np.pi * bandwidth) if bandwidth else 0.0
@@ -214,9 +214,9 @@ class Rig:
         return np.concatenate(([of_load[name] for name in LOAD_PARAMETERS], rows.T.ravel()))
 
     def rest(self, angle: float = 0.0, torques: ArrayLike = 0.0) -> RigState:
-        """At rest at a load angle [rad], each rotor on the flank that its drive must keep.
+        """At rest at a load angle [rad], each rotor on its required flank.
 
-        The teeth are pressed as far as pinion torques (m,) [N m] of the required senses [+ -] press them.
+        The flanks are compressed by pinion torques (m,) [N m] of the required signs [+ -].
         """
         drives = self.torque_map * np.broadcast_to(np.asarray(torques, dtype=np.float64), (len(self.drives),))
         pressed = np.maximum(self.senses * drives, 0.0)
@@ -230,7 +230,7 @@ class Rig:
         )
 
     def advance(self, state: RigState, torques: ArrayLike, duration: float, disturbance: float = 0.0) -> RigState:
-        """The state after pinion torques (m,) [N m] and a disturbing load torque [N m] were held for `duration` [s].
+        """The state after pinion torques (m,) and a load disturbance torque [N m] have been held for `duration` [s].
 
         Raises:
             BadParameter: a torque or the duration is not a usable number.
@@ -239,24 +239,24 @@ class Rig:
         return self._alone.advance(one, np.asarray(torques, dtype=np.float64)[None], duration, disturbance).machine(0)
 
     def flank_torques(self, state: RigState) -> Array:
-        """(m,) torque of each required flank [N m], follower side; positive: pushing in the required sense."""
+        """(m,) torque of each required flank [N m], follower side; positive: pushing in the required direction."""
         found: Array = self._alone.flank_torques(FleetState(rows=state.row()))[0]
         return found
 
     def energy(self, state: RigState) -> float:
-        """Kinetic energy, potential energy of gravity and energy of the pressed teeth [J]."""
+        """Kinetic energy, potential energy of gravity and elastic energy of the flanks [J]."""
         pressed = np.maximum(np.abs(state.rotor_angles - state.angle) - self.half_play, 0.0)
         kinetic = self.inertia * state.velocity**2 + float(self.rotor_inertias @ state.rotor_velocities**2)
         height = self.gravity * np.sin(state.angle) - self.gravity_offset * np.cos(state.angle)
         return float(0.5 * kinetic + height + 0.5 * self.flank_stiffness * float(pressed @ pressed))
 
     def measure(self, state: RigState, rng: np.random.Generator) -> float:
-        """The load angle as its encoder shows it [rad]."""
+        """The load angle measured by its encoder [rad]."""
         one = FleetState(rows=state.row(), trail=state.trail)
         return float(self._alone.measure(one, rng.standard_normal())[0])
 
     def motor_angles(self, state: RigState, rng: np.random.Generator | None = None) -> Array:
-        """(m,) motor shaft angles as their encoders show them [rad]; without noise where no generator is given."""
+        """(m,) motor shaft angles measured by their encoders [rad]; without noise if no generator is given."""
         one = FleetState(rows=state.row(), trail=state.trail)
         noise = 0.0 if rng is None else rng.standard_normal((1, len(self.drives)))
         shown: Array = self._alone.motor_angles(one, noise)[0]
@@ -271,7 +271,7 @@ class Rig:
         start: RigState | None = None,
         disturbance: ArrayLike = 0.0,
     ) -> RigRecord:
-        """Play pinion torques (T, m) [N m], each row held for `sample_time` [s], and record.
+        """Simulate pinion torques (T, m) [N m], each row held for `sample_time` [s], and record.
 
         Args:
             torques: (T, m) pinion torques [N m].

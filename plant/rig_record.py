@@ -1,4 +1,4 @@
-"""Where rigs are, and what happened in a run of them."""
+"""States of rigs, and records of their runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigState:
-    """Where the rig is. Rotor angles are seen from the load: equal to the load's in the middle of the play.
+    """State of the rig. Rotor angles are referred to the load: equal to its angle in the middle of the backlash.
 
     Attributes:
         angle: load angle [rad].
@@ -22,10 +22,9 @@ class RigState:
         rotor_angles: (m,) of each drive [rad], load side.
         rotor_velocities: (m,) [rad/s], load side.
         least_flank_torques: (m,) least torque of each required flank during the last advance [N m], follower side;
-            positive: the teeth pushed in the required sense all the time; zero: they parted; negative: the other
-            flank was hit.
-        drive_torques: (m,) torque that each motor really gives [N m], load side; by default none.
-        trail: past angles, for encoders that lag.
+            positive: in contact all the time; zero: loss of contact; negative: contact on the other flank.
+        drive_torques: (m,) actual torque of each motor [N m], load side; by default empty.
+        trail: past angles, for encoders with delay.
     """
 
     angle: float
@@ -37,14 +36,14 @@ class RigState:
     trail: Trail = ()
 
     def row(self) -> Array:
-        """(1, S) the numbers of `plant.flank.states`."""
+        """(1, S) the state as in `plant.flank.states`."""
         motors = self.drive_torques if self.drive_torques.size else np.zeros(self.rotor_angles.size)
         shafts = (self.rotor_angles, self.rotor_velocities, self.least_flank_torques, motors)
         return np.concatenate(((self.angle, self.velocity), *shafts))[None, :]
 
     @classmethod
     def of_row(cls, row: Array, trail: Trail = ()) -> RigState:
-        """The state of (S,) numbers."""
+        """The state from (S,) numbers."""
         rotors, rates, least, drives = row[2:].reshape(4, -1)
         return cls(
             angle=float(row[0]),
@@ -59,16 +58,16 @@ class RigState:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigRecord:
-    """What happened in a run: T samples, each state at the start of its sample, torques held during it.
+    """Record of a run: T samples, each state at the start of its sample, torques held during it.
 
     Attributes:
         time: (T,) [s].
-        torques: (T, m) pinion torques that the motors were told to give [N m].
-        angle: (T,) load angle as the encoder shows it [rad].
+        torques: (T, m) commanded pinion torques of the motors [N m].
+        angle: (T,) load angle measured by the encoder [rad].
         true_angle: (T,) load angle [rad].
         velocity: (T,) load velocity [rad/s].
-        motor_angles: (T, m) motor shaft angles as their encoders show them [rad].
-        given_torques: (T, m) pinion torques that the motors really gave at the end of the sample [N m].
+        motor_angles: (T, m) motor shaft angles measured by their encoders [rad].
+        given_torques: (T, m) actual pinion torques of the motors at the end of the sample [N m].
         flank_torques: (T, m) torque of each required flank at the sample [N m], follower side.
         least_flank_torques: (T, m) the least of it during the sample [N m]; positive: contact was never lost.
         end: state after the last sample.
@@ -88,11 +87,11 @@ class RigRecord:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FleetState:
-    """Where B machines are.
+    """State of B machines.
 
     Attributes:
         rows: (B, S) numbers as in `plant.flank.states`.
-        trail: past angles, for encoders that lag.
+        trail: past angles, for encoders with delay.
     """
 
     rows: Array
@@ -106,7 +105,7 @@ class FleetState:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FleetRecord:
-    """What happened in a run of B machines: as in `RigRecord`, with the machine as the second axis.
+    """Record of a run of B machines: as `RigRecord`, with the machine as the second axis.
 
     Attributes:
         time: (T,) [s].
@@ -127,7 +126,7 @@ class FleetRecord:
     end: FleetState
 
     def machine(self, number: int) -> RigRecord:
-        """What happened to one machine."""
+        """The record of one machine."""
         names = [each.name for each in fields(self) if each.name not in ("time", "end")]
         own = {name: getattr(self, name)[:, number] for name in names}
         return RigRecord(time=self.time, end=self.end.machine(number), **own)

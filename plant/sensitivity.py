@@ -1,8 +1,8 @@
-"""One sample ahead with the derivatives of its end, for fits and for the search.
+"""One sample step with its derivatives, for fits and for the search.
 
-The integration steps of a sample are calls of one function, whose code stands once however many there are: so it stays
-in the processor's cache, and is compiled in a fraction of the time. Steps that a sample does not need are passed over.
-Small Jacobians carry the derivatives along.
+The integration steps of a sample are calls of one function, whose code exists only once: so it stays in the processor's
+cache, and is compiled in a fraction of the time. Steps that a sample does not need are skipped. Small Jacobians
+propagate the derivatives.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ def step_with_slopes(
     Args:
         model: its structure is used, not its numbers.
         free: (F,) places of parameters.
-        columns: C derivatives are carried along; the first F are those by the free parameters, which act within the
-            sample too, the others come from before it.
+        columns: number C of derivatives; the first F are those by the free parameters, which also act within the
+            sample, the others are those of the initial state only.
         substeps: integration steps in one sample.
-        positioned: whether the servo gain may be other than zero; where it may not, the way of the torque does not
-            depend on the angle, and is worked out once a step instead of at each stage of the integration.
+        positioned: whether the servo gain may be other than zero; if not, the actuator's torque does not depend on the
+            angle, and is computed once a step instead of at each stage of the integration.
 
     Returns:
         Function of (n,) state, (n, C) its derivatives, (8,) inputs (see `plant.discrete.INPUTS`), (P,) parameters.
@@ -52,19 +52,19 @@ def step_with_slopes(
         lengths = ca.vertcat(*division(bound, state, command, inputs, stretch, substeps))
         given = [ca.vertcat(command, rise(bound, inputs)), lengths, along(lengths)]
         parts.append(ca.Function("stretch", [state, slopes, inputs, parameters], given, {"cse": True}))
-    clocked = any(part.nnz_out(2) for part in parts)  # whether the steps' instants move with the parameters
+    clocked = any(part.nnz_out(2) for part in parts)  # whether the instants of the steps depend on the parameters
 
     held, clock = kind.sym("held", 2), kind.sym("clock", 2)
     clock_slopes = kind.sym("clock_slopes", ca.Sparsity.dense(2, columns) if clocked else ca.Sparsity(2, columns))
     begun = {"time": clock[0], "length": clock[1]}
     step = Step(command=held[0], rise=held[1], gain=gain, damping=damping, limit=limit, width=width, **begun)
-    end = ca.cse(advance(bound, state, step))  # what occurs twice is differentiated once
+    end = ca.cse(advance(bound, state, step))  # common subexpressions are differentiated once
     after = along(end) + ca.mtimes(ca.jacobian(end, clock), clock_slopes)
     given = [state, slopes, inputs, parameters, held, clock, clock_slopes]
     one = ca.Function("integration_step", given, [end, ca.densify(after)], {"cse": True})
 
     if sum(part.size1_out(1) for part in parts) > 1:
-        kind = ca.MX  # keeps the calls
+        kind = ca.MX  # preserves the calls
         one = _unless_needless(one)
     state, slopes = kind.sym("state", *state.shape), kind.sym("slopes", *slopes.shape)
     inputs, parameters = kind.sym("inputs", *inputs.shape), kind.sym("parameters", *parameters.shape)
@@ -81,7 +81,7 @@ def step_with_slopes(
 
 @one_at_a_time
 def _unless_needless(one: Any) -> Any:
-    """The integration step, which leaves everything as it is where its length is zero and stays zero."""
+    """The integration step, skipped if its length is zero with zero derivatives."""
     given = one.sx_in()
     nothing = ca.Function("nothing", given, [given[0], ca.densify(given[1])])
     branches = ca.Function.if_else("needed_or_not", one, nothing)
@@ -92,5 +92,5 @@ def _unless_needless(one: Any) -> Any:
 
 
 def _beside(first: Any, columns: int) -> Any:
-    """A matrix with columns of zeros beside it, `columns` together."""
+    """A matrix extended by columns of zeros to `columns`."""
     return ca.horzcat(first, ca.SX(first.shape[0], columns - first.shape[1]))

@@ -41,9 +41,9 @@ class ServoModel(Tabled):
         inertia: J [N m s^2/rad = kg m^2; kg on a linear axis].
         gravity: alpha, torque of gravity at angle zero [N m]; zero on a linear axis.
         viscous_friction: K [N m s/rad; N s/m].
-        effects: what acts besides; at most one of a kind.
+        effects: additional effects; at most one of a kind.
         axis: "rotary" (rad, N m) or "linear" (m, N).
-        torque_unit: what the torque is counted in where its scale is unknown, such as "V" or "A"; None is N m, or N.
+        torque_unit: unit of the torque if its scale is unknown, such as "V" or "A"; None is N m, or N.
 
     Raises:
         BadParameter: a parameter is not finite or out of its bounds, or effects appear twice or exclude each other.
@@ -63,7 +63,7 @@ class ServoModel(Tabled):
     }
 
     def __post_init__(self) -> None:
-        """Validate everything; effects are kept in the catalogue's order."""
+        """Validate everything, and sort the effects in the catalogue's order."""
         from plant.effects import catalogue
 
         if self.axis not in get_args(Axis):
@@ -98,7 +98,7 @@ class ServoModel(Tabled):
         """J = 2, alpha = 0.5, K = 0.8 and the dead zone of 0.5 (paper, sections 3.2 and 4)."""
         return cls(inertia=2.0, gravity=0.5, viscous_friction=0.8, effects=(DeadZone(half_width=0.5),))
 
-    # The parameters as a flat vector, effects behind the rigid body: what a fit moves.
+    # The parameters as a flat vector, first those of the rigid body, then those of the effects: the variables of a fit.
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -112,7 +112,7 @@ class ServoModel(Tabled):
         return own + tuple(theirs)
 
     def parameters_with(self, effect: type[Effect]) -> tuple[Parameter, ...]:
-        """The parameters that come with an effect of that kind, named `effect.parameter`."""
+        """The parameters of an effect of that kind, named `effect.parameter`."""
         return tuple(
             replace(spec, name=f"{effect.name}.{spec.name}", unit=spec.unit_on(self.axis, self.torque_unit))
             for spec in effect.parameters()
@@ -120,7 +120,7 @@ class ServoModel(Tabled):
 
     @cached_property
     def quantities(self) -> tuple[str, ...]:
-        """(P,) units that the parameters have where torque is in N m, or N: what kind of quantity each of them is."""
+        """(P,) units of the parameters with the torque in N m, or N: the physical quantity of each of them."""
         specs = replace(self, torque_unit=None).parameters if self.torque_unit else self.parameters
         return tuple(spec.unit for spec in specs)
 
@@ -147,7 +147,7 @@ class ServoModel(Tabled):
         return replace(other, effects=tuple(replace(effect) for effect in other.effects))
 
     def bound(self, values: Any) -> Self:
-        """The same structure with expressions (P,) in place of the numbers, unchecked: to build equations."""
+        """The same structure with expressions (P,) in place of the numbers, without validation: to build equations."""
         other = copy.copy(self)
         specs = parameters_of(type(self))
         for place, spec in enumerate(specs):
@@ -167,13 +167,13 @@ class ServoModel(Tabled):
         return next((effect for effect in self.effects if effect.name == name), None)
 
     def with_effect(self, effect: Effect) -> Self:
-        """The model with one effect more; it replaces its own kind, those it contains and another drivetrain."""
+        """The model with one more effect; it replaces its own kind, its special cases and another drivetrain."""
         gone = {effect.name, *effect.contains}
         kept = (e for e in self.effects if e.name not in gone and not (e.flexible and effect.flexible))
         return replace(self, effects=(*kept, effect))
 
     def holds(self, name: str) -> bool:
-        """Whether an effect of that name is in the model, or a special case of one that is."""
+        """Whether the model has an effect of that name, or one with it as a special case."""
         return any(name in (effect.name, *effect.contains) for effect in self.effects)
 
     def without_effect(self, name: str) -> Self:
@@ -181,22 +181,22 @@ class ServoModel(Tabled):
         return replace(self, effects=tuple(e for e in self.effects if e.name != name))
 
     def with_payload(self, *, inertia: float, gravity: float) -> Self:
-        """The model with more on its load [N m s^2/rad, N m]; a motor before the load stays as it is."""
+        """The model with a payload on its load [N m s^2/rad, N m]; a motor before the load does not change."""
         whole = self.inertia + inertia
         effects = tuple(effect.loaded(self.inertia, whole) for effect in self.effects)
         return replace(self, inertia=whole, gravity=self.gravity + gravity, effects=effects)
 
     def without_clock(self, end: float | None = None) -> ServoModel:
-        """The model as it stands at the end of its log, for use without the log's clock, as in a controller.
+        """The model at the end of its log, for use without the log's clock, as in a controller.
 
-        Each effect that depends on the time of the log says what it leaves behind. Of those in the catalogue a payload
-        change becomes part of inertia and gravity, and friction drift the friction that it had reached. A periodic
-        disturbance is left out, as its phase is lost, and so is a curve over time: now it could be no more than a
+        Each effect that depends on the time of the log defines what remains of it. Of those in the catalogue a payload
+        change becomes part of inertia and gravity, and friction drift becomes constant friction at its final level. A
+        periodic disturbance is left out, as its phase is unknown, and so is a curve over time: it could only be a
         constant torque, which an estimator finds without it.
 
         Args:
-            end: when the log ended, on its clock [s]. Where that is not known, friction is left as it was at the
-                log's time zero.
+            end: when the log ended, on its clock [s]. If that is not known, friction keeps its level at the log's time
+                zero.
         """
         model: ServoModel = self
         for effect in self.effects:
@@ -205,14 +205,14 @@ class ServoModel(Tabled):
         return model
 
     def commanded(self) -> ServoModel:
-        """The model under a command, which acts as it is: without the lag of a torque that was measured."""
+        """The model under a command: without the lag of a measured torque."""
         return replace(self, effects=tuple(effect for effect in self.effects if effect.lead() is None))
 
     # The mechanics, in numbers or in symbols.
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the states: angle, velocity, then those that effects bring."""
+        """Names of the states: angle, velocity, then those of the effects."""
         names = ["angle", "velocity"]
         for effect in self.effects:
             several = len(effect.states) > 1
@@ -221,7 +221,7 @@ class ServoModel(Tabled):
 
     @property
     def kinds(self) -> tuple[State, ...]:
-        """What each of the states is."""
+        """Kind of each state."""
         return (State.ANGLE, State.VELOCITY, *(kind for effect in self.effects for kind in effect.states))
 
     def own_states(self, state: Any) -> dict[str, tuple[Any, ...]]:
@@ -234,12 +234,12 @@ class ServoModel(Tabled):
 
     @property
     def has_random_walk(self) -> bool:
-        """Whether a random-walk disturbance acts, which only an observer can follow."""
+        """Whether there is a random-walk disturbance, which only an observer can estimate."""
         return State.RANDOM_WALK in self.kinds
 
     @property
     def drivetrain(self) -> Effect | None:
-        """The effect that puts a motor of its own motion before the load, or None."""
+        """The effect that adds a motor before the load, or None."""
         return next((effect for effect in self.effects if effect.flexible), None)
 
     def load_inertia(self, at: Moment) -> Expression:
@@ -252,8 +252,8 @@ class ServoModel(Tabled):
         """Acceleration of the load without dry friction [rad/s^2] (eq. 4).
 
         Args:
-            at: the load's motion and the torque that arrives at it.
-            own: states of the effects, where they have any.
+            at: the load's motion and the torque at the load.
+            own: states of the effects, if they have any.
         """
         import casadi as ca
 
@@ -280,7 +280,7 @@ class ServoModel(Tabled):
         return any(effect.chaotic for effect in self.effects)
 
     def reading(self, state: Any) -> Expression:
-        """What the sensor shows in a state (n,) [rad]."""
+        """The measurement of the sensor in a state (n,) [rad]."""
         own, shown = self.own_states(state), state[0]
         for effect in self.effects:
             shown = effect.reading(shown, *(own[effect.name] or (0.0,))[:1])
@@ -291,11 +291,11 @@ class ServoModel(Tabled):
         return sum((effect.delay() for effect in self.effects), start=0.0)
 
     def lead(self) -> Expression | None:
-        """By how much the torque of a log is late because it was measured [s]; None where it is a command."""
+        """Lag of the torque in a log because it was measured [s]; None if it is a command."""
         return next((lead for effect in self.effects if (lead := effect.lead()) is not None), None)
 
     def inverse(self, angle: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> pd.DataFrame:
-        """The torque command that a motion takes, each effect's share in a column: see `plant.inverse.inverse`."""
+        """The torque command for a motion, with each effect's share in a column: see `plant.inverse.inverse`."""
         from plant.inverse import inverse
 
         return inverse(self, angle, velocity, acceleration)
@@ -309,5 +309,5 @@ class ServoModel(Tabled):
 
     @property
     def structure(self) -> tuple[Any, ...]:
-        """What the equations depend on besides numbers: equal structures share compiled functions."""
+        """Everything except numbers that determines the equations: equal structures share compiled functions."""
         return (type(self), self.axis, tuple(type(effect) for effect in self.effects))

@@ -35,7 +35,7 @@ def multisine(
 
 
 def pseudo_random_binary(*, amplitude: float, hold: float, duration: float, sample_time: float, seed: int = 0) -> Array:
-    """(T,) plus or minus `amplitude`, drawn anew every `hold` [s]: white up to about half of 1/hold [Hz]."""
+    """(T,) plus or minus `amplitude`, randomly drawn every `hold` [s]: white up to about half of 1/hold [Hz]."""
     rng = np.random.default_rng(seed)
     return _held(lambda count: amplitude * rng.choice((-1.0, 1.0), count), hold, duration, sample_time)
 
@@ -54,7 +54,7 @@ def random_levels(*, amplitude: float, hold: float, duration: float, sample_time
 def plateaus(*, amplitude: float, hold: float, duration: float, sample_time: float) -> Array:
     """(T,) a staircase of quarters of `amplitude`, up and down through both signs, a step every `hold` [s].
 
-    On a machine with viscous friction each level settles at a speed of its own.
+    On a machine with viscous friction each level settles at its own speed.
     """
     cycle = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0]) / 4.0
     return _held(lambda count: amplitude * np.resize(cycle, count), hold, duration, sample_time)
@@ -74,7 +74,7 @@ def triangle(*, amplitude: float, frequency: float, duration: float, sample_time
 
 
 def growing_sine(*, amplitude: float, frequency: float, duration: float, sample_time: float) -> Array:
-    """(T,) a sine whose amplitude grows evenly from zero to `amplitude`."""
+    """(T,) a sine whose amplitude grows linearly from zero to `amplitude`."""
     t = _time(duration, sample_time)
     return np.asarray(amplitude * t / t[-1] * np.sin(2.0 * np.pi * frequency * t))
 

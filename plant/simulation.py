@@ -1,4 +1,4 @@
-"""The servo model over a whole sequence of commands."""
+"""Simulation of the servo model over a sequence of commands."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from plant.symbolic import one_at_a_time
 
 
 def held_commands(model: ServoModel, command: Array, dt: Array) -> tuple[Array, Array, float]:
-    """The two commands that act within each sample under a delay, and the part of the delay inside a sample.
+    """The two commands within each sample under a dead time, and the part of the dead time within a sample.
 
-    A measured torque is not held: it goes from the second to the first.
+    A measured torque is not held: it goes linearly from the second to the first.
 
     Args:
         model: the servo.
@@ -30,7 +30,7 @@ def held_commands(model: ServoModel, command: Array, dt: Array) -> tuple[Array, 
         dt: (T,) time step that follows each sample [s].
 
     Returns:
-        (T,) the command from the switch on, (T,) the command until the switch, and when the switch comes [s].
+        (T,) the command after the switch, (T,) the command before the switch, and the time of the switch [s].
     """
     if model.lead() is not None:
         points = supporting_points(command)
@@ -41,7 +41,7 @@ def held_commands(model: ServoModel, command: Array, dt: Array) -> tuple[Array, 
 
 
 def whole_samples(delay: float, sample_time: float) -> tuple[int, float]:
-    """The samples that a delay [s] spans whole, and the rest of it [s]."""
+    """The number of whole samples in a delay [s], and the rest of it [s]."""
     whole = int(np.floor(delay / sample_time + 1e-9))
     return whole, delay - whole * sample_time
 
@@ -65,10 +65,11 @@ def simulate(
         model: the servo.
         command: (T,) torque command, each held for its time step [N m].
         dt: time steps [s], one or (T,).
-        state: (n,) state at the first sample; at rest at angle zero by default, an internal goal at the first one.
+        state: (n,) state at the first sample; by default at rest at angle zero, with an internal set-point at the first
+            one.
         servo_gain, servo_damping: see `INPUTS`, one or (T,).
         command_limit: see `INPUTS`.
-        substeps: integration steps in one sample; by default as many as the effects need, or the one of eq. (5).
+        substeps: integration steps in one sample; by default as many as the effects need, or one for eq. (5).
         width: smoothing of dry friction [rad/s]; 0 is exact.
         method: see `sample_step`.
 
@@ -112,13 +113,13 @@ def actuator_torque(
     servo_damping: Array,
     command_limit: float = np.inf,
 ) -> Array:
-    """Torque behind the drive's law and the actuator's effects along a known motion, as its mean over each sample.
+    """Torque after the drive's law and the actuator's effects along a known motion, as its mean over each sample.
 
     Args:
         model: the servo.
-        command: (T,) torque command; of a position servo servo gain times goal [N m].
+        command: (T,) torque command; of a position servo servo gain times set-point [N m].
         dt: (T,) time that each is held [s].
-        velocity: (T,) of the load, and of the motor alike [rad/s].
+        velocity: (T,) of the load, taken for the motor too [rad/s].
         angle: (T,) of the load [rad].
         servo_gain, servo_damping, command_limit: the drive's law, see `INPUTS`; gain and damping (T,).
     """
@@ -161,15 +162,15 @@ def beginning(
     command: float | None = None,
     goal: float = 0.0,
 ) -> Array:
-    """(n,) state at an angle and a velocity, with everything else settled.
+    """(n,) state at an angle and a velocity, with all other states settled.
 
     Args:
         model: the servo.
         angle: of load and motor [rad].
         velocity: of load and motor [rad/s].
-        torque: behind the drive's law [N m].
+        torque: after the drive's law [N m].
         command: before it; the torque by default.
-        goal: of a position servo [rad].
+        goal: set-point of a position servo [rad].
     """
     values = {
         State.ANGLE: angle,
@@ -184,7 +185,7 @@ def beginning(
 
 
 def at_switch(model: ServoModel, switch: float) -> Array:
-    """(P,) parameter values with the delay reduced to its part inside a sample."""
+    """(P,) parameter values with the dead time reduced to its part within a sample."""
     values = model.values
     if "input_delay.time" in model.names:
         values[model.names.index("input_delay.time")] = switch

@@ -1,4 +1,4 @@
-"""A servo in two parts for simulators of rigid bodies: what they have attributes for, and the rest, for a function."""
+"""A servo in two parts for rigid-body simulators: their attributes, and the rest for a function."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from plant.servo import ServoModel
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Native:
-    """What a simulator of rigid bodies has attributes for.
+    """The part of a servo for which rigid-body simulators have attributes.
 
     Attributes:
         inertia: of the load, and `motor_inertia` of a motor before it, 0 if they are one [kg m^2].
@@ -40,16 +40,16 @@ class Native:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Beyond:
-    """What is left to a function that is called before each step.
+    """The rest, for a function that is called before each step.
 
     Attributes:
         effects: the effects in it.
-        motor, load: torques to add at the motor and at the load [N m]; where these are one, their sum counts.
+        motor, load: torques to add at the motor and at the load [N m]; without a separate motor, their sum.
         friction: dry friction of this step [N m].
-        remembered: names of what it remembers, and `after` what that becomes.
-        symbols: angle, velocity, torque that leaves the actuator; with a motor before the load its angle and velocity;
-            then what is remembered.
-        reading: what the sensor shows.
+        remembered: names of stored values, and `after` their next values.
+        symbols: angle, velocity, torque after the actuator; with a motor before the load its angle and velocity; then
+            the stored values.
+        reading: the measurement of the sensor.
     """
 
     effects: tuple[Effect, ...]
@@ -69,7 +69,7 @@ class Beyond:
 
 
 def native_part(model: ServoModel) -> Native:
-    """The part of a model without clock that simulators have attributes for.
+    """The part of a model without clock for which simulators have attributes.
 
     Raises:
         BadParameter: a linear axis, or a torque that is not in N m.
@@ -93,7 +93,7 @@ def native_part(model: ServoModel) -> Native:
 
 
 def beyond(model: ServoModel) -> Beyond:
-    """The rest of a model without clock, whose parameters may be numbers or symbols."""
+    """The rest of a model without clock, with numbers or symbols as parameters."""
     native = (CoulombFriction, GravityOffset, TorqueSaturation, ActuatorLag)
     rest = [e for e in model.effects if not isinstance(e, native) and e.name != "input_delay"]
     x, v, torque, motor_angle, motor_velocity = (

@@ -1,16 +1,16 @@
-"""What to write in place of a name that does not exist: the end of a sentence that refuses it."""
+"""Suggestions for an unknown name: the end of an error message."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-_FEW = 8  # names that are read at a glance
-_ALIKE = 0.6  # similarity of two names, as difflib counts it, from which one may stand for the other
+_FEW = 8  # names in a short list
+_ALIKE = 0.6  # least similarity of two names, by difflib, for a suggestion
 
 
 def suggestion(wrong: str, names: Iterable[str]) -> str:
-    """`did you mean cogging?`, or what there is: all of a few names, the first of many."""
+    """`did you mean cogging?`, or the known names: all of a few, the first of many."""
     known = list(names)
     plain = wrong.strip().lower().replace(" ", "_").replace("-", "_")
     alike = [plain] if plain in known else get_close_matches(plain, known, n=2, cutoff=_ALIKE)

@@ -1,8 +1,7 @@
 """Expressions are built by one thread at a time.
 
-CasADi counts who holds a node without atomics, and all expressions share the nodes that are common, such as 0 and 1:
-two threads that build different expressions free one twice, once in many thousand times. What is built may be evaluated
-by many at once.
+CasADi's reference counts are not atomic, and all expressions share common nodes such as 0 and 1: two threads that build
+different expressions may, rarely, free a node twice. The built functions may be evaluated by many threads at once.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ _building = threading.RLock()
 
 
 def one_at_a_time(build: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """What builds expressions, so that no other thread builds any meanwhile."""
+    """Let only one thread at a time run a function that builds expressions."""
 
     @wraps(build)
     def alone(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:

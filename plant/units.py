@@ -1,4 +1,4 @@
-"""Units as people write them, read by pint; of a parameter in a model file another unit is converted, or refused."""
+"""Units as text, parsed by pint; the unit of a parameter in a model file is converted, or refused."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ from typing import Any
 
 from plant.errors import BadModelFile
 
-# What pint would read as a number_meter.
+# Units that pint would parse as number metres.
 _NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(s?)(?![A-Za-z])")
 LONGEST = 40
-"""Characters of a unit; beyond it, this is no unit but an accident."""
-_POWER = re.compile(r"(?<=[A-Za-z])(\^|\*\*)-?\d(?![\d.])")  # of a unit, small: pint would compute 9**9**9 for hours
+"""Most characters of a unit; longer texts are refused."""
+_POWER = re.compile(r"(?<=[A-Za-z])(\^|\*\*)-?\d(?![\d.])")  # small power: pint would compute 9**9**9 for hours
 _OTHER_POWER = re.compile(r"\^|\*\*|\d\s*[⁰¹²³⁴⁵⁶⁷⁸⁹]")
 
 
-_PRINTED = {"rad/rad": "cycles/rev", "-": ""}  # a number of periods in a turn; a number
+_PRINTED = {"rad/rad": "cycles/rev", "-": ""}  # a number of periods per turn; a number
 
 
 def printed(unit: str) -> str:
-    """A unit as people read it."""
+    """A unit as printed for users."""
     return _PRINTED.get(unit, unit)
 
 
 def axis_quantities(axis: str) -> tuple[str, str, str, str]:
-    """What moves and what drives it, each with its unit: an angle and a torque, on a linear axis position and force."""
+    """Names and units of motion and drive: angle and torque, on a linear axis position and force."""
     return ("position", "m", "force", "N") if axis == "linear" else ("angle", "rad", "torque", "N m")
 
 
 def factor(unit: Any, own: str) -> float:
-    """Factor that takes a number in `unit` to a parameter's own unit.
+    """Factor that converts a number in `unit` to a parameter's own unit.
 
     Args:
-        unit: as the file has it.
+        unit: as in the file.
         own: of the parameter.
 
     Raises:
-        BadModelFile: the unit is unknown, or measures another effect.
+        BadModelFile: the unit is unknown, or measures another quantity.
     """
     if not isinstance(unit, str):
         raise BadModelFile(f"the unit must be a text such as {own!r}, not {unit!r}")
@@ -51,7 +51,7 @@ def factor(unit: Any, own: str) -> float:
 
 def _converted(unit: str, own: str) -> float:
     found, wanted = quantity(unit), quantity(own)
-    if ("hertz" in str(found.units)) != ("hertz" in str(wanted.units)):  # turns a second: for pint radians a second
+    if ("hertz" in str(found.units)) != ("hertz" in str(wanted.units)):  # pint takes turns as radians
         raise ValueError(unit)
     number = float(found.to(wanted.units).magnitude)
     if not 0.0 < number < float("inf"):
@@ -60,9 +60,9 @@ def _converted(unit: str, own: str) -> float:
 
 
 def quantity(text: str) -> Any:
-    """The `pint.Quantity` that a unit stands for, with its factor if it has one, as in "2.4 N m/1000".
+    """The `pint.Quantity` of a unit, with its factor if it has one, as in "2.4 N m/1000".
 
-    Raises whatever pint does on odd text, and `ValueError` for what it had better not try.
+    Raises any error of pint on invalid text, and `ValueError` for text that is not passed to pint.
     """
     if not text or len(text) > LONGEST or _OTHER_POWER.search(_POWER.sub("", text)):
         raise ValueError(text)

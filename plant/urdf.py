@@ -1,4 +1,4 @@
-"""A servo as a joint in URDF: damping, friction, effort limit and inertia, which is all that the format has words for.
+"""A servo as a joint in URDF, which only has damping, friction, effort limit and inertia.
 
 Format: wiki.ros.org/urdf/XML/joint; `damping` is viscous, `friction` Coulomb's.
 """
@@ -13,7 +13,7 @@ from plant.servo import ServoModel
 from plant.simulator_parts import beyond, native_part
 
 _GRAVITY = 9.81  # [m/s^2]
-_WEIGHT = 0.01  # share of the inertia that is the mass's, which gravity pulls at
+_WEIGHT = 0.01  # fraction of the inertia carried by the mass that gravity acts on
 
 
 _NATIVE = (CoulombFriction, GravityOffset, TorqueSaturation)  # effects that URDF has attributes for
@@ -21,16 +21,16 @@ _NATIVE = (CoulombFriction, GravityOffset, TorqueSaturation)  # effects that URD
 
 @dataclass(frozen=True, kw_only=True)
 class Urdf:
-    """A servo in URDF: the text, and what the format has no words for, a sentence each."""
+    """A servo in URDF: the text, and what the format cannot express, a sentence each."""
 
     text: str
     left_out: tuple[str, ...]
 
 
 def urdf(model: ServoModel, *, name: str = "antidrive") -> Urdf:
-    """A base and a link with one joint; copy `<dynamics>` and `<limit>` into a robot of your own.
+    """A base and a link with one joint; copy `<dynamics>` and `<limit>` into your robot.
 
-    Where friction depends on more than the direction, its nearest Coulomb friction is taken.
+    Friction that depends on more than the direction is replaced by its nearest Coulomb friction.
 
     Raises:
         BadParameter: a linear axis, or a torque that is not in N m.

@@ -1,4 +1,4 @@
-"""The allocator against its closed form."""
+"""The allocator compared with its closed form."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PAPER = GearTrain.paper()
 
 
 def box_violation(allocator: Allocator, torques: Array) -> float:
-    """How far pinion torques lie outside the hard bounds [N m]."""
+    """Violation of the hard bounds by pinion torques [N m]."""
     magnitudes = torques * [1, -1]
     return float(np.max(np.maximum(allocator.min_torque - magnitudes, magnitudes - allocator.max_torque)))
 
@@ -124,12 +124,12 @@ def test_flank_torque_counts_the_rotor() -> None:
     allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor)
     taken = rotor * PAPER.pre_reduction**2 * 8.05 * 3.0  # torque of a rotor at 3 rad/s^2, seen from the pinion
     forward, backward = allocator.allocate(-1.0, 3.0), allocator.allocate(-1.0, -3.0)
-    # accelerating forward asks the forward drive (2) for more; it only holds contact here
+    # forward acceleration requires more torque of the forward drive (2), which only keeps contact here
     assert -forward.torques[1] == pytest.approx(0.02 + taken, abs=1e-7)
-    # accelerating backward frees the flank of drive 2, but its motor still may not change sides
+    # backward acceleration increases the contact torque of drive 2, but its motor must keep its minimum torque
     assert -backward.torques[1] == pytest.approx(0.02, abs=1e-7)
     assert forward.margin == pytest.approx(0.0, abs=1e-7)
-    # and a motor at its least torque has no margin, however hard the rotor presses its flank
+    # a motor at its minimum torque has no margin, however large its contact torque
     assert backward.margin == pytest.approx(0.0, abs=1e-7)
 
 
@@ -148,7 +148,7 @@ def test_says_when_the_flank_cannot_be_held() -> None:
     assert "acceleration" in result.status
     assert result.margin < 0.0
     assert box_violation(allocator, result.torques) <= 0.0
-    # the drive whose flank opens gives all that it has, and the other one does not pull the teeth further apart
+    # the drive that loses contact gives its greatest torque; the other one gets as near to the demand as possible
     assert allocator.allocate(-1.0, 1e3).torques == pytest.approx([0.3, -0.3], abs=1e-8)
 
 
@@ -213,7 +213,7 @@ def test_an_answer_without_proof_keeps_the_preload_alone(monkeypatch: pytest.Mon
 
 
 def test_a_point_that_is_not_complementary_is_not_optimal() -> None:
-    # x = 5 is feasible, and the multiplier of a bound that is far away balances its gradient
+    # x = 5 is feasible, and the multiplier of an inactive bound balances its gradient
     solution = qpsolvers.Solution(qpsolvers.Problem(np.eye(1), -np.ones(1), lb=np.zeros(1), ub=np.full(1, 10.0)))
     solution.found, solution.x = True, np.full(1, 5.0)
     solution.y, solution.z, solution.z_box = np.zeros(0), np.zeros(0), np.full(1, -4.0)

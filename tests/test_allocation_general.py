@@ -1,4 +1,4 @@
-"""The allocator on any structure: against every set of active rows, and in its limits."""
+"""The allocator on any structure: compared with a search over all sets of active rows, and at its limits."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_the_edge_of_reach_is_answered_from_both_sides(beyond: float) -> None:
 
 def test_the_proof_holds_for_the_answer_and_for_no_other_point() -> None:
     rng = np.random.default_rng(6)
-    for reach in (0.9, 3.0):  # within reach, and beyond it
+    for reach in (0.9, 3.0):  # reachable and unreachable demands
         for _ in range(20):
             B, x_any = admissible_matrix(rng, 2, 4), rng.uniform(0.1, reach, 4)
             B /= np.linalg.norm(B)
@@ -73,11 +73,11 @@ def test_the_proof_holds_for_the_answer_and_for_no_other_point() -> None:
             program = QuadraticProgram(B=B, b=B @ x_any, w=rng.uniform(0.1, 1.0, 4), C=C, d=d)
             best = best_by_trying(B, program.b, lower, upper, program.w)
             assert program.residuals(best).largest < 1e-10
-            if reach < 1:  # the demand, with more preload than it takes
+            if reach < 1:  # meets the demand, with more preload than necessary
                 assert program.residuals(x_any).largest > 1e-3
             for size in (1e-6, 1e-2, 1.0):
                 other = np.clip(best + size * rng.normal(size=4), lower, upper)
-                moved = float(np.max(np.abs(other - best)))  # not at all out of a corner
+                moved = float(np.max(np.abs(other - best)))  # zero if the point is clipped back to a corner
                 assert moved < size / 100 or program.residuals(other).largest > 1e-9
                 assert program.residuals(best + size * np.array([1, 0, 0, 0])).largest > 1e-9
 
@@ -86,7 +86,7 @@ def test_the_closed_form_knows_boxes_of_any_kind() -> None:
     rng = np.random.default_rng(9)
     for _ in range(200):
         pushing, weights = rng.uniform(0.2, 5.0, 2) * [-1, 1], rng.uniform(0.1, 10.0, 2)
-        lower = rng.uniform(-1.0, 0.5, 2)  # drives that may reverse too: then the vertex of the effort counts
+        lower = rng.uniform(-1.0, 0.5, 2)  # also reversible drives: then the vertex of the effort matters
         upper = lower + rng.uniform(0.0, 1.0, 2)
         torque = pushing @ rng.uniform(-1.5, 1.5, 2)
         shared = share_between_two(pushing, torque, lower, upper, weights)
@@ -119,7 +119,7 @@ def test_missing_joint_torques_are_reported_briefly() -> None:
     assert result.status.startswith("degraded: ")
     assert f"{np.linalg.norm(result.missing_torque):.3g} N m of the torque are out of reach" in result.status
     assert set(result.binding) == {"drive 1: greatest torque", "drive 2: least torque"}
-    # no torque that can be reached is nearer: the missing part points away from all of them (a support function)
+    # no reachable torque is nearer: the missing part points away from all of them (a support function)
     direction = np.asarray(result.missing_torque)
     furthest = linprog(-direction @ np.array(THREE), bounds=[(0.05, 1.0)] * 3)
     assert -furthest.fun == pytest.approx(direction @ np.array(THREE) @ result.torques)
@@ -135,7 +135,7 @@ def test_preload_moves_nothing_along_the_null_direction() -> None:
     assert np.min(still.torques) == pytest.approx(0.05)
 
 
-# Flanks.
+# Contact torques.
 
 
 def test_flank_torque_counts_rotor_and_friction() -> None:
@@ -145,7 +145,7 @@ def test_flank_torque_counts_rotor_and_friction() -> None:
     still, forward, backward = (allocator.allocate(-1.0, a) for a in (0.0, 3.0, -3.0))
     assert -still.torques[1] == pytest.approx(0.02 + friction * r)
     assert -forward.torques[1] == pytest.approx(0.02 + friction * r + taken)
-    # the rotor presses its own flank here, more than friction can take from it: the motor's least torque is left
+    # the rotor inertia increases the contact torque by more than friction reduces it: the motor's minimum is active
     assert taken > friction * r
     assert -backward.torques[1] == pytest.approx(0.02)
     assert "drive 2: flank torque" in forward.binding
@@ -164,7 +164,7 @@ def test_rotors_of_several_joints_follow_the_transposed_map() -> None:
     assert many[1] == pytest.approx(0.05 + np.maximum(2 * taken, 0.0))
 
 
-# What is refused, and other solvers.
+# Invalid arguments, and other solvers.
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The allocator when drives die: it goes on with the rest and says what is lost."""
+"""The allocator after the loss of drives: it continues with the others and reports the loss."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PAIRS = [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]]
 """Two joints with a pair of drives each."""
 
 STAR = [[1.0, np.cos(1.8), np.cos(2.6), np.cos(4.4)], [0.0, np.sin(1.8), np.sin(2.6), np.sin(4.4)]]
-"""Two joints, four drives around them: the second or the third may go."""
+"""Two joints with four drives: the others keep contact without the second or the third."""
 
 
 @pytest.mark.parametrize("drive", [1, 2])
@@ -79,7 +79,7 @@ def test_preload_is_held_by_the_drives_of_a_null_vector() -> None:
         lost = int(rng.integers(1, 5))
         alive = [i for i in range(4) if i != lost - 1]
         expected = np.zeros(4, dtype=bool)
-        for i in alive:  # can drive i push one newton metre while the others hold it still?
+        for i in alive:  # can the others balance one newton metre of drive i?
             others = [j for j in alive if j != i]
             expected[i] = linprog(np.zeros(2), A_eq=A[:, others], b_eq=-A[:, i]).status == 0
         assert still_preloaded(Structure(A), (lost,)).tolist() == expected.tolist()
@@ -92,4 +92,4 @@ def test_a_drive_loss_in_motion_is_answered_at_once() -> None:
     before = whole.allocate(1.0)
     after = whole.without(2).allocate(1.0, before=before, dt=0.005)
     assert after.torques == pytest.approx([before.torques[0] - 0.05, 0.0])
-    assert "torque_rate" not in after.status  # there is no preload to hold back any more
+    assert "torque_rate" not in after.status  # there is no preload left

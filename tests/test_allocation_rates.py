@@ -1,4 +1,4 @@
-"""The allocator from one step to the next: rates, and a preload that is built up and let go."""
+"""The allocator from one step to the next: rate limits, and build-up and release of the preload."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_the_preload_is_built_up_before_the_torque_comes(solver: str | None) -> 
     allocator = Allocator(PAPER, min_torque=0.05, max_torque=0.3, preload_rate=2.0, solver=solver)
     results = stepped(allocator, np.array(1.0), 15)
     torques = np.array([r.torques for r in results])
-    for k in range(4):  # 0.01 N m a step, on the way to 0.05
+    for k in range(4):  # 0.01 N m per step, up to 0.05
         assert torques[k] == pytest.approx([0.01 * (k + 1), -0.01 * (k + 1)])
         assert "being built up" in results[k].status
         assert results[k].missing_torque == pytest.approx(1.0)
@@ -92,14 +92,14 @@ def test_rates_hold_on_any_structure_and_the_answer_is_proven(n: int, m: int) ->
             assert np.max(np.abs(change)) <= allocator.torque_rate * 0.005 + 1e-12
             assert max(now.primal_residual, now.dual_residual, now.duality_gap) <= 1e-9
             least = allocator.bounds.least
-            if np.all(last.torques >= least):  # built up: from here on the preload keeps its rate, and is never lost
+            if np.all(last.torques >= least):  # built up: from now on within its rate limit and never lost
                 assert np.max(np.abs(P @ (P.T @ change))) <= allocator.preload_rate * 0.005 + 1e-12
                 assert np.all(now.torques >= least - 1e-15)
 
 
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 1.0, 100.0])
 def test_both_ways_agree_to_a_billionth_of_rated_torque(scale: float) -> None:
-    """A small edition of benchmarks/allocation_agreement.py."""
+    """A small version of benchmarks/allocation_agreement.py."""
     rng = np.random.default_rng(12)
     for _ in range(30):
         closed = two_drives(rng, scale)

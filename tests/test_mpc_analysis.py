@@ -1,4 +1,4 @@
-"""The loop as a linear one: against injection in simulation, against python-control, and against closed forms."""
+"""Linear analysis of the loop, compared with injection in simulation, with python-control, and with closed forms."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FREQUENCIES = (1.0, 2.5, 5.0, 10.0, 25.0)
 
 
 def injected(model: ServoModel, frequency: float) -> complex:
-    """S at a frequency [Hz]: how the torque on the plant answers to one that is added to the controller's."""
+    """S at a frequency [Hz]: response of the torque on the plant to a torque added to that of the controller."""
     controller = Controller(model, PAPER)
     dt = controller.sample_time
     step, whole = sample_step(model, substeps=4), controller._whole_delay
@@ -34,7 +34,7 @@ def injected(model: ServoModel, frequency: float) -> complex:
     state = np.array([ANGLE, 0.0, *([hold] if "actuator_lag" in model.states else [])])
     state = np.append(state, [ANGLE] * ("sensor_lag" in model.states))
     under_way = deque([hold] * (whole + 2), maxlen=whole + 2)
-    count = 400  # whole periods, behind the transients
+    count = 400  # whole periods, after the transients
     added, total = np.zeros(2 * count), np.zeros(2 * count)
     for k in range(2 * count):
         control_ = controller.step(float(state[-1] if "sensor_lag" in model.states else state[0]), ANGLE)
@@ -84,9 +84,9 @@ def test_the_margins_are_those_of_python_control() -> None:
 def test_terminal_cost_equals_the_lqr_cost_of_python_control() -> None:
     J, K, dt, rate = RIGID.inertia, RIGID.viscous_friction, 0.005, rate_weight(RIGID, 4.0, 0.005)
     plant = control.c2d(control.ss([[0, 1], [0, -K / J]], [[0], [1 / J]], np.eye(2), 0), dt)
-    A = np.block([[plant.A, plant.B], [np.zeros((1, 2)), np.eye(1)]])  # with the torque of the last sample
+    A = np.block([[plant.A, plant.B], [np.zeros((1, 2)), np.eye(1)]])  # including the torque of the last sample
     _, cost, _ = control.dlqr(A, A[:, 2:], np.diag([1.0, 0.0, 0.0]), [[rate]])
-    free = np.linalg.inv(np.linalg.inv(cost)[:2, :2])  # from the last torque that costs least
+    free = np.linalg.inv(np.linalg.inv(cost)[:2, :2])  # minimised over the last torque
     assert terminal_weight(RIGID, rate, dt) == pytest.approx(free, rel=1e-6)
 
 
@@ -110,7 +110,7 @@ def test_the_numbers_belong_to_the_responses() -> None:
         np.sqrt(0.5), rel=1e-3
     )
     assert abs(loop.response(loop.gain, np.array([loop.crossover]))[0]) == pytest.approx(1.0, rel=1e-3)
-    # the estimated disturbance integrates: a constant torque leaves no error
+    # the estimated disturbance acts as an integrator: no steady-state error under a constant torque
     assert abs(loop.response(loop.sensitivity, np.array([1e-3]))[0]) < 1e-2
 
 

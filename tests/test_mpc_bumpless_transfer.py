@@ -1,4 +1,4 @@
-"""A controller in a running loop: it is fixed, another goes on from it without a bump, and it can forget."""
+"""A controller in a running loop: it is immutable, another takes over bumplessly, and it can be reset."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from mpc import Controller, closed_loop
 from plant import BadParameter, Ratios, Rig, ServoModel, simulate
 from plant.effects import ActuatorLag, Compliance, DeadZone, InputDelay
 
-HEAVY = replace(RIGID, gravity=1.95)  # than the model knows
+HEAVY = replace(RIGID, gravity=1.95)  # with a payload that RIGID does not include
 
 
 def held(controller: Controller, state: np.ndarray, samples: int = 400) -> tuple[np.ndarray, np.ndarray, list[float]]:
-    """The load at 0.3 rad, its last state, its path, and the torques on it."""
+    """Hold the load at 0.3 rad: its last state, its path, and the torques on it."""
     path, torques = [], []
     for _ in range(samples):
         control = controller.step(state[0], 0.3)
@@ -66,7 +66,7 @@ def test_a_change_goes_on_without_a_bump(settled: tuple[bytes, np.ndarray, float
 
 
 def test_a_change_of_the_drive_is_no_change_of_the_torque(settled: tuple[bytes, np.ndarray, float]) -> None:
-    """What a dead zone takes was commanded all along as a torque that nobody knew."""
+    """Before the change, the torque lost in the dead zone was compensated as part of the disturbance."""
     controller = pickle.loads(settled[0]).with_(model=RIGID.with_effect(DeadZone(half_width=0.2)))
     _, _, torques = held(controller, settled[1], 1)
     assert torques[0] == pytest.approx(settled[2], abs=2e-3)

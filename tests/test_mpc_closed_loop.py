@@ -1,4 +1,4 @@
-"""The loop closed on the rig, which the model only approximates."""
+"""Closed loop on the test bench, which the model only approximates."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COUNT = 2 * np.pi / RIG.encoder_counts
 
 
 def swing(time: Array) -> Array:
-    """To and fro within 0.4 rad at a quarter hertz [rad]."""
+    """Oscillation within 0.4 rad at 0.25 Hz [rad]."""
     return 0.2 * (1 - np.cos(2 * np.pi * 0.25 * time))
 
 
@@ -55,7 +55,7 @@ def test_a_constant_load_leaves_no_error(load: float) -> None:
     result = closed_loop(four_hertz(RIGID, PAPER), RIG, 0.3, 3.0, seed=1, disturbance=pushes)
     error = result.angle - 0.3
     assert np.max(np.abs(error[200:300])) > 2 * COUNT
-    assert abs(np.mean(error[-200:])) < 0.25 * COUNT  # by the noise: 0.06 to 0.25 of one over six seeds
+    assert abs(np.mean(error[-200:])) < 0.25 * COUNT  # due to noise: 0.06 to 0.25 of a count over six seeds
     assert np.mean(result.disturbance[-200:]) == pytest.approx(load, abs=0.05)
 
 
@@ -71,7 +71,7 @@ def test_a_constant_load_leaves_no_error(load: float) -> None:
     ],
 )
 def test_a_model_that_knows_the_effect_tracks_better(rig: Rig, effect: CoulombFriction | Cogging, gain: float) -> None:
-    # the first quarter second pays for gravity, which both models learn
+    # without the first quarter second, in which both models learn gravity
     def settled(result: ClosedLoopResult) -> float:
         return float(np.sqrt(np.mean((result.angle - result.reference)[50:] ** 2)))
 
@@ -99,7 +99,7 @@ def test_a_reference_out_of_reach_is_approached_without_cycling() -> None:
 
 
 def exact_servo(plant: ServoModel) -> Callable[[Array, Array], Array]:
-    """One sample of a servo whose exact equations are `plant`: its next state from pinion torques."""
+    """One sample of a servo with the exact equations of `plant`: its next state from pinion torques."""
     step = sample_step(plant, substeps=4)
     whole, switch = divmod(float(plant.delay()), 0.005)
     values = plant.values
@@ -116,7 +116,7 @@ def exact_servo(plant: ServoModel) -> Callable[[Array, Array], Array]:
 
 
 def follow(model: ServoModel, plant: ServoModel) -> float:
-    """RMS error [rad] of a controller on a servo whose exact equations are `plant` after two seconds."""
+    """RMS error [rad] after two seconds of a controller on a servo with the exact equations of `plant`."""
     controller = four_hertz(model, PAPER)
     advance, state = exact_servo(plant), np.zeros(len(plant.states))
     errors = []
@@ -133,7 +133,7 @@ def follow(model: ServoModel, plant: ServoModel) -> float:
 )
 def test_the_estimate_knows_which_torque_acted_when(effect: InputDelay | ActuatorLag | None) -> None:
     plant = RIGID if effect is None else RIGID.with_effect(effect)
-    # a filter that trusts the model shows at once where the torques are a sample off
+    # a filter with small process noise reveals torques that are off by a sample
     controller = four_hertz(plant, PAPER, torque_noise=1e-3, disturbance_rate=1e-2)
     advance, state = exact_servo(plant), np.zeros(len(plant.states))
     misses = []
@@ -166,7 +166,7 @@ def test_the_torque_changes_no_faster_than_it_may() -> None:
     torques, worst = [], 0.0
     for k in range(600):
         control = bounded.step(state[0], np.full(31, 0.2 * (k > 50)))
-        assert control.status in ("optimal", "degraded: the load does not follow the reference")  # as a rate makes it
+        assert control.status in ("optimal", "degraded: the load does not follow the reference")  # by the rate limit
         torques.append(float(PAPER.follower_torque(control.torques)))
         if k:
             ahead = PAPER.follower_torque(control.predicted_torques) - torques[-2]

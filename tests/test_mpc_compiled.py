@@ -1,4 +1,4 @@
-"""The step as machine code and without it: the same numbers, whichever is at work."""
+"""The step as machine code and in Python: both give the same numbers."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_a_second_controller_finds_the_machine_code_of_the_first(
 ) -> None:
     monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path)
     controllers = []
-    for horizon, inertia in ((10, 2.0), (40, 3.0)):  # neither is part of the code
+    for horizon, inertia in ((10, 2.0), (40, 3.0)):  # neither is part of the source code
         controllers.append(four_hertz(ServoModel(inertia=inertia), PAPER, horizon=horizon))
         assert len(list(tmp_path.glob("controller-*/*.so"))) == 1
     assert all(controller.compiled for controller in controllers)

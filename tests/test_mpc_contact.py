@@ -1,4 +1,4 @@
-"""Teeth on the rig: together where flank torque is planned, apart where motor torque is, as the formulas foretell."""
+"""Contact on the test bench: kept with a minimum contact torque, lost with a minimum motor torque, as predicted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from allocation import capability_map
 from mpc import ClosedLoopResult, Controller, closed_loop
 
 PARTING = LEAST * MESH / ROTOR
-"""Acceleration at which a rotor takes all of the least motor torque, n^2 J_m a = n eps [rad/s^2]."""
+"""Acceleration at which a rotor takes the whole minimum motor torque, n^2 J_m a = n eps [rad/s^2]."""
 
 
 def run(controller: Controller, acceleration: float, duration: float = 2.0) -> ClosedLoopResult:
@@ -21,7 +21,7 @@ def run(controller: Controller, acceleration: float, duration: float = 2.0) -> C
 
 @pytest.mark.parametrize("share", [0.7, 0.95, 1.05, 1.4])
 def test_a_minimum_motor_torque_loses_contact_with_heavy_rotors(share: float) -> None:
-    # at the top gravity and not the motors turn the load back: they are near their least torque
+    # at the top, gravity and not the motors turns the load back: the motors are near their minimum torque
     result = run(BY_MOTOR(), share * PARTING)
     assert np.min(np.abs(result.torques)) >= LEAST
     if share < 1:
@@ -29,7 +29,7 @@ def test_a_minimum_motor_torque_loses_contact_with_heavy_rotors(share: float) ->
         assert result.least_flank_torque > 0
     else:
         assert result.least_flank_torque <= 0
-        assert np.min(result.flank_torques[:, 1]) > 0.5 * LEAST * MESH  # the drive that carries the load keeps it
+        assert np.min(result.flank_torques[:, 1]) > 0.5 * LEAST * MESH  # the drive that moves the load keeps contact
 
 
 @pytest.mark.parametrize("share", [0.7, 0.95, 1.05, 1.4])
@@ -38,21 +38,21 @@ def test_least_flank_torque_keeps_contact_all_the_same(share: float) -> None:
     assert result.least_flank_torque > 0.85 * LEAST * MESH
     assert result.tracking_rms == pytest.approx(
         run(BY_MOTOR(), share * PARTING).tracking_rms, rel=0.1
-    )  # where one parts
+    )  # also where the other one loses contact
 
 
 @pytest.mark.parametrize("share", [0.7, 0.95, 1.05, 1.4])
 def test_heavy_rotors_keep_contact_with_the_loop_chosen_for_them(share: float) -> None:
     chosen = Controller(MODEL, GEARS, min_torque=LEAST, max_torque=MOST, rotor_inertia=MOTOR)
     result = run(chosen, share * PARTING)
-    assert result.least_flank_torque > 0.2 * LEAST * MESH  # teeth that ring take more of it than at four hertz
+    assert result.least_flank_torque > 0.2 * LEAST * MESH  # more gear oscillation than at 4 Hz
     assert result.tracking_rms < run(BY_FLANK(), share * PARTING).tracking_rms
     assert result.degraded == 0
 
 
 @pytest.mark.parametrize("acceleration", [3.0, 8.0])
 def test_least_flank_torque_covers_the_motors_friction(acceleration: float) -> None:
-    # dry friction that takes more of a motor's torque than the least: 0.25 of 0.2 N m at the pinion
+    # dry friction above the minimum motor torque: 0.25 N m and 0.2 N m at the pinion
     friction = 1.25 * LEAST / GEARS.pre_reduction
     rig = replace(RIG, motor_coulomb=friction)
     unknown, known = (
@@ -67,7 +67,7 @@ def test_the_flank_row_is_newtons_law_for_a_rotor_that_rubs() -> None:
     friction, still = 0.01, np.full(31, -np.pi / 2)
     pair = [BY_FLANK(motor_friction=f) for f in (0.0, friction)]
     controls = [controller.step(-np.pi / 2, still) for controller in pair]
-    taken = friction * GEARS.pre_reduction  # at rest nothing else takes of it
+    taken = friction * GEARS.pre_reduction  # the only loss at rest
     assert controls[1].torques == pytest.approx([LEAST + taken, -LEAST - taken], abs=1e-9)
     assert [control.margin for control in controls] == pytest.approx([0.0, 0.0], abs=1e-9)
 
@@ -91,7 +91,7 @@ def test_at_the_torque_limit_contact_comes_before_acceleration(share: float) -> 
     low, high = of_run.edge[np.searchsorted(of_run.load_torque, load)].T
     acceleration = np.gradient(result.velocity, 0.005)
     used = np.max(np.maximum(acceleration / high, acceleration / low))
-    assert used < 1.05  # beyond it only what the teeth vibrate
+    assert used < 1.05  # only vibration of the gear contact exceeds it
     if share <= 0.8:
         assert result.tracking_rms < 3e-3
     if share >= 1.5:

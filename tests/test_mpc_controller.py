@@ -1,4 +1,4 @@
-"""The controller keeps its promises at every sample, whatever it is fed."""
+"""The controller meets its specification at every sample, for any input."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
 
 
 def interpreted(controller: Controller) -> Controller:
-    """Without machine code, so that its parts can be replaced."""
+    """The controller without machine code, so that its parts can be replaced."""
     controller._step = controller._interpreted
     return controller
 
 
 def promised(controller: Controller, control: Control) -> None:
-    """Bounds over the whole horizon, to the last bit, and a status in the contract's words."""
+    """Check the bounds over the whole horizon, to the last bit, and the form of the status."""
     xi = control.predicted_torques
     assert xi.shape == (controller.horizon, 2)
     assert np.array_equal(control.torques, xi[0])
@@ -73,7 +73,7 @@ def test_it_keeps_the_bounds_whatever_it_is_fed(
 
 
 def ungoverned(controller: Controller, wanted: float) -> None:
-    """An angle that is wanted stands for what of it can be followed, at rest."""
+    """Replace the governed reference by a constant wanted angle."""
 
     def aim(previewed: bool) -> int:
         controller._arrays["ahead"][:], controller._arrays["speeds"][:] = wanted, 0.0
@@ -85,7 +85,7 @@ def ungoverned(controller: Controller, wanted: float) -> None:
 @settings(max_examples=15, deadline=None)
 @given(st.floats(-0.4, 0.4), st.integers(2, 25), st.floats(-0.05, 0.05))
 def test_the_torques_solve_the_program_as_written(start: float, horizon: int, target: float) -> None:
-    """Against states and torques as variables of one large program, handed to another solver."""
+    """Compared with one large program in states and torques, solved by another solver."""
     J, K, dt = 2.0, 0.8, 0.005
     model = ServoModel(inertia=J, gravity=0.0, viscous_friction=K)
     controller = interpreted(four_hertz(model, PAPER, horizon=horizon))
@@ -118,7 +118,7 @@ def test_the_torques_solve_the_program_as_written(start: float, horizon: int, ta
     lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
     lower[2 * N :], upper[2 * N :] = -reach, reach
     solver = ca.conic("reference", "qpoases", {"h": ca.DM(H).sparsity(), "a": ca.DM(rows).sparsity()}, QUIET)
-    scale = 1e3  # of the cost: qpOASES stops early where all numbers are small
+    scale = 1e3  # of the cost: qpOASES stops too early with small numbers
     answer = solver(h=scale * H, g=scale * g, a=rows, lba=rhs, uba=rhs, lbx=lower, ubx=upper)
     assert solver.stats()["success"]
     x = np.asarray(answer["x"])[:, 0]
@@ -131,9 +131,9 @@ WAVY = RIGID.with_effect(Cogging(amplitude=1.5, order=200.0, phase=0.3))
 
 
 def nonlinear_optimum(controller: Controller, start: float, wanted: Array) -> Array:
-    """(N,) follower torques that a general solver finds for the model itself, from rest, no torque before.
+    """(N,) follower torques by a nonlinear solver for the model, from rest without an earlier torque.
 
-    What the reference takes has no price.
+    The feedforward torque has no cost.
     """
     fed = np.diff(controller._arrays["feed"])
     N, stage, p = controller.horizon, controller.estimator.predictor.stage, controller.estimator.predictor.parameters
@@ -176,7 +176,7 @@ def test_the_preload_is_the_least_that_the_bounds_allow() -> None:
 
 def test_the_preload_carries_heavy_rotors() -> None:
     rotor = 2e-5
-    # a load that falls faster and faster: drive 1 only holds back, and its rotor takes torque to fall along
+    # a load that falls with increasing acceleration: drive 1 only keeps contact, and its rotor must accelerate too
     controller = four_hertz(replace(RIGID, gravity=2.0), PAPER, horizon=10, rotor_inertia=rotor)
     control = controller.step(0.0, -2.0 * (0.005 * np.arange(11)) ** 3)
     assert control.status == "optimal"
@@ -184,7 +184,7 @@ def test_the_preload_carries_heavy_rotors() -> None:
     speeds = np.diff(control.predicted_angle) / 0.005
     acceleration = np.diff(speeds) / 0.005
     inertia = rotor * PAPER.pre_reduction**2
-    mean = (control.predicted_torques[1:] + control.predicted_torques[:-1]) / 2  # over the samples of a difference
+    mean = (control.predicted_torques[1:] + control.predicted_torques[:-1]) / 2  # over a second difference
     flank_1 = mean[:, 0] + inertia * 8.05 * acceleration
     flank_2 = -mean[:, 1] - inertia * 8.05 * acceleration
     assert np.ptp(acceleration) > 0.05
@@ -201,7 +201,7 @@ def test_too_heavy_rotors_are_reported() -> None:
 
 
 def test_the_margin_is_the_least_of_the_horizon() -> None:
-    # at rest now, but what the reference asks for later is more than these rotors leave to the flanks
+    # at rest now, but the later acceleration is too high to keep contact with these rotors
     controller = four_hertz(
         ServoModel(inertia=2.0, gravity=0.0), PAPER, horizon=10, max_torque=0.03, rotor_inertia=1e-2
     )
@@ -329,7 +329,7 @@ def test_the_plan_stays_within_what_a_dead_zone_lets_through() -> None:
         control = controller.step(0.0, np.full(31, reference))
         torques = PAPER.follower_torque(control.predicted_torques)
         assert controller._plan is not None
-        wide = np.abs(controller._plan) > 0.05  # behind the ramp that keeps small torques from chattering
+        wide = np.abs(controller._plan) > 0.05  # outside the ramp against chattering of small torques
         assert np.max(np.abs(controller._plan)) > 1.0
         assert controller._plan[wide] == pytest.approx((torques - np.clip(torques, -0.5, 0.5))[wide], abs=1e-9)
 
@@ -338,7 +338,7 @@ def test_the_governed_reference_waits_for_a_load_that_is_stuck() -> None:
     controller, rng = four_hertz(RIGID, PAPER), np.random.default_rng(0)
     ahead = []
     for _ in range(400):
-        controller.step(rng.normal(scale=2e-5), 1.0)  # the same to the last bit would be no reading
+        controller.step(rng.normal(scale=2e-5), 1.0)  # a value constant to the last bit would be an encoder fault
         ahead.append(abs(float(controller.governor.path[Path.ANGLE])))
     assert 1e-3 < max(ahead) < 0.05
 

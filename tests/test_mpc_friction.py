@@ -1,4 +1,4 @@
-"""Friction in the model of the controller makes no loop worse, and is found while the load slides."""
+"""Friction in the model of the controller degrades no loop, and its scale is learnt while the load slides."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_known_friction_improves_tracking_on_a_light_axis(rig: Rig, factor: floa
         [closed_loop(controller(*effects), rig, swing, 3.0, seed=seed) for seed in range(5)]
         for effects in ((told,), ())
     )
-    errors = np.array([[error(loop) for loop in loops] for loops in (known, unknown)])  # one that sticks is far out
+    errors = np.array([[error(loop) for loop in loops] for loops in (known, unknown)])  # a stuck load is an outlier
     assert np.median(errors[0]) < 0.55 * np.median(errors[1])
     assert errors[0].max() < 1.5 * np.median(errors[1])
     assert min(loop.least_flank_torque for loop in known) > 0
@@ -66,7 +66,7 @@ def test_friction_scale_is_learned_only_while_sliding(told: float) -> None:
     c = controller(CoulombFriction(torque=told), friction_std=0.3)
     closed_loop(c, LIGHT, lambda t: swing(np.minimum(t, 4.0)), 4.0, seed=0)
     learnt = c._arrays["learnt"].copy()
-    assert learnt[2] * told == pytest.approx(0.25, abs=0.03)  # and the motors' own beside it
+    assert learnt[2] * told == pytest.approx(0.25, abs=0.03)  # the friction of the load; that of the motors is extra
     for _ in range(200):
         c.step(0.0, 0.0)
     assert c._arrays["learnt"][1:3] == pytest.approx(learnt[1:3], abs=1e-3)
@@ -87,7 +87,7 @@ def test_what_is_not_sure_is_not_compensated() -> None:
 
 
 def test_at_rest_friction_does_nothing() -> None:
-    # too high by half, the load stays within a count and a half of the encoder, which shows it to half of one: no jump
+    # with friction too high by half, the load stays within 1.5 encoder counts and does not jump
     for seed in range(4):
         loop = closed_loop(
             controller(CoulombFriction(torque=0.38)), LIGHT, lambda t: 0.05 * np.minimum(t, 0.5), 2.0, seed=seed

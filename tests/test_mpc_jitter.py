@@ -1,4 +1,4 @@
-"""A loop whose period is not exact: the controller is told the time since its last step, in Python and in C."""
+"""A loop with jitter: the controller gets the time since its last step, in Python and in C."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def wanted(time: np.ndarray) -> np.ndarray:
 def loop(
     *, jitter: float = 0.0, missed: float = 0.0, told: bool = True, number: bool = False, samples: int = 700
 ) -> tuple[float, int, float]:
-    """Greatest error after the start [rad], samples in which a reading was not believed, least flank torque [N m]."""
+    """Greatest error after the start [rad], number of degraded samples, minimum contact torque [N m]."""
     controller, rng = Controller(RIGID, PAPER), np.random.default_rng(0)
     dt, ahead = controller.sample_time, np.arange(controller.horizon + 1)
     state, time, elapsed = RIG.rest(0.0, least_effort(controller.bounds, 0.0)), 0.0, dt
@@ -48,7 +48,7 @@ def test_the_teeth_stay_together_in_a_loop_that_jitters(faults: dict[str, float]
     assert degraded == 0
     assert flank > 0.05
     assert error < 1.5e-3
-    assert without[1] > 20  # the time that nobody told is a sensor that jumps
+    assert without[1] > 20  # without the elapsed time, jitter looks like jumps of the sensor
     assert without[2] < 0.02
 
 
@@ -60,7 +60,7 @@ def test_a_reference_that_is_a_number_goes_on_at_its_speed() -> None:
 
 
 def times(samples: int) -> np.ndarray:
-    """Of every kind [s]: exact, jittering, missed cycles, a pause, and what is no time."""
+    """Elapsed times of all kinds [s]: exact, with jitter, missed cycles, a pause, and invalid ones."""
     rng = np.random.default_rng(1)
     drawn = 0.005 * (1 + 0.3 * rng.uniform(-1, 1, samples)) * rng.choice([1, 1, 1, 2, 3], samples)
     drawn[40], drawn[60], drawn[80], drawn[90] = 0.08, 0.5, 1e-9, 0.005

@@ -1,4 +1,4 @@
-"""Torque rates and soft limits of a controller: kept in the loop, and honest when they cannot be kept."""
+"""Torque rates and soft limits of a controller: kept in the loop, and reported when they cannot be kept."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def follow(
     count: int = 400,
     start: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Array, list[Control]]:
-    """States (count, 2) and controls on a servo that moves exactly as its rigid model, its angle read without error."""
+    """States (count, 2) and controls of a servo that equals its rigid model, with an exact measurement of the angle."""
     step, state, last = sample_step(RIGID, substeps=4), np.array(start), 0.0
     states, controls = [], []
     for k in range(count):
@@ -62,8 +62,8 @@ def test_the_whole_plan_keeps_the_torque_rate() -> None:
         assert np.max(steps) < 0.1 + 1e-6
         used += int(np.sum(steps[1:] > 0.0999))
         last = planned[0]
-        assert control.status in ("optimal", "degraded: the load does not follow the reference")  # as a rate makes it
-    assert used > 100  # also between later samples
+        assert control.status in ("optimal", "degraded: the load does not follow the reference")  # by the rate limit
+    assert used > 100  # the rate limit is also active between later samples
 
 
 def test_the_plan_lets_the_preload_fall_no_faster_than_it_may() -> None:
@@ -90,7 +90,7 @@ def test_a_reference_beyond_the_limit_stops_at_the_limit(reference: Callable[[Ar
 def test_a_big_step_keeps_the_speed_limit(sense: float) -> None:
     states, controls = follow(four_hertz(RIGID, PAPER, speed_limit=0.3), lambda time: sense * jump(time), 600)
     assert np.max(np.abs(states[:, 1])) < 0.3 + 1e-6
-    assert np.sum(np.abs(states[:, 1]) > 0.2999) > 100  # and uses it
+    assert np.sum(np.abs(states[:, 1]) > 0.2999) > 100  # and reaches the limit
     assert states[-1, 0] == pytest.approx(sense * 0.5, abs=1e-3)
     assert {control.status for control in controls} == {"optimal"}
     assert np.max(np.abs(follow(four_hertz(RIGID, PAPER), jump)[0][:, 1])) > 0.5
@@ -101,7 +101,7 @@ def test_from_beyond_the_limit_it_returns_smoothly_and_says_so() -> None:
     states, controls = follow(controller, lambda time: np.full(time.size, 0.2), start=(0.5, 0.0))
     back = int(np.argmax(states[:, 0] < 0.3))
     assert 0 < back < 200
-    assert np.all(np.diff(states[3:back, 0]) < 0)  # it turns at once and never again
+    assert np.all(np.diff(states[3:back, 0]) < 0)  # it returns at once, without reversing
     assert states[-1, 0] == pytest.approx(0.2, abs=1e-3)
     assert np.min(states[:, 0]) > 0.18
     assert controls[0].status == "degraded: a limit of angle or speed cannot be kept"
@@ -115,7 +115,7 @@ def test_noise_beyond_a_limit_does_not_shake_the_torques() -> None:
         controller = four_hertz(level, PAPER, angle_limits=limits)
         _, controls = follow(controller, lambda time: np.full(time.size, 0.3), 100, start=(0.3 + 6 * SIGMA, 0.0))
         greatest.append(max(abs(float(PAPER.follower_torque(control.torques))) for control in controls))
-    assert greatest[1] < 1.2 * greatest[0] < 0.5 * 2.254  # and not all that there is
+    assert greatest[1] < 1.2 * greatest[0] < 0.5 * 2.254  # and far below the greatest torque
 
 
 def test_from_beyond_the_speed_limit_it_slows_down() -> None:
@@ -133,7 +133,7 @@ def test_limits_never_cost_the_bounds_of_the_torques() -> None:
     states, controls = follow(tight, jump, 300, start=(0.4, 1.5))
     for control in controls:
         assert np.all((control.predicted_torques * [1, -1] >= 0.02) & (control.predicted_torques * [1, -1] <= 0.3))
-    assert np.max(states[:, 0]) > 0.5  # hopeless at first
+    assert np.max(states[:, 0]) > 0.5  # the limits cannot be kept at first
     assert min(control.margin for control in controls) > -1e-9
     assert abs(states[-1, 1]) < 0.5 < np.max(states[:, 1])
 

@@ -1,4 +1,4 @@
-"""Closed loops in great number: machines that depend on their number alone, and worst cases that are foreseen."""
+"""Many closed loops: machines that depend only on seed and number, and worst cases as predicted."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_models_of_one_structure_share_machine_code(tmp_path: Path, monkeypatch:
 
 
 def test_contact_needs_the_margin_that_covers_the_unknown() -> None:
-    # a rotor that is heavier than known takes 0.2 n^2 J_m a more, and 0.2 N m cover friction, corrections, vibration
+    # a rotor heavier than in the model takes 0.2 n^2 J_m a more; 0.2 N m cover friction, feedback and vibration
     unknown = 0.2 * ROTOR * A
     enough, little = ((unknown + spare) / MESH for spare in (0.2, -0.25))
     kept, lost = (

@@ -1,4 +1,4 @@
-"""Encoders at the motors beside that of the load: finer, with offsets of their own, and a help when that one fails."""
+"""Motor encoders in addition to the load encoder: finer, with unknown offsets, a backup if the load encoder fails."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 PAPER = GearTrain.paper()
 RATIOS = PAPER.motor_ratios
 DT = 0.005
-STEP = 2 * np.pi / 4096  # of a motor's encoder
-COARSE = 2 * np.pi / 2**11  # of the load's
+STEP = 2 * np.pi / 4096  # of a motor encoder
+COARSE = 2 * np.pi / 2**11  # of the load encoder
 RIGID = ServoModel(gravity=0.0)
 MOTORS = MotorEncoders(ratios=(float(RATIOS[0]), float(RATIOS[1])), resolution=STEP, noise=2e-6)
 
@@ -36,13 +36,13 @@ def counted(angle: Array, step: float) -> Array:
 
 
 def motion(model: ServoModel = RIGID) -> tuple[Array, Array]:
-    """Commands (T,) and states (T + 1, n), a torque of 0.5 N m beside the command from half time on."""
+    """Commands (T,) and states (T + 1, n), with a disturbance torque of 0.5 N m in the second half."""
     commands = 1.5 * np.sin(2 * np.pi * np.arange(800) * DT)
     return commands, simulate(model, command=commands + 0.5 * (np.arange(800) > 400), dt=DT)
 
 
 def follow(filter_: Estimator, commands: Array, angle: Array, motors: Array) -> Array:
-    """(T, n) estimates from the load's angle (T,) and motor angles (T, 2)."""
+    """(T, n) estimates from load angle (T,) and motor angles (T, 2)."""
     found = []
     for k in range(commands.size):
         torques = commands[max(k - 1, 0)], commands[max(k - 2, 0)]
@@ -53,7 +53,7 @@ def follow(filter_: Estimator, commands: Array, angle: Array, motors: Array) -> 
 
 
 def shown(angle: Array) -> Array:
-    """(T, 2) what the motors' encoders show, which did not begin at zero."""
+    """(T, 2) measurements of the motor encoders, with an initial offset."""
     return counted(-RATIOS * (angle[:, None] + [0.3, -0.7]), STEP)
 
 
@@ -75,7 +75,7 @@ def test_where_the_load_is_they_learn_from_its_encoder() -> None:
 def test_the_load_is_not_lost_when_its_encoder_fails() -> None:
     commands, truth = motion()
     angle = truth[:-1, 0].copy()
-    angle[350:] = np.nan  # before the unknown torque comes
+    angle[350:] = np.nan  # before the disturbance torque starts
     found = follow(estimator(), commands, angle, shown(truth[:-1, 0]))
     assert found[:, 0] == pytest.approx(truth[:800, 0], abs=1e-3)
     blind = follow(estimator(motors=None), commands, angle, shown(truth[:-1, 0]))
@@ -99,7 +99,7 @@ def test_a_motor_that_jumped_is_trusted_again() -> None:
     commands, truth = motion()
     angle, motors = truth[:-1, 0].copy(), shown(truth[:-1, 0])
     motors[200:, 0] += 5.0
-    motors[300:, 1], angle[350:] = np.nan, np.nan  # from here on there is nothing else
+    motors[300:, 1], angle[350:] = np.nan, np.nan  # from here on motor 1 is the only measurement
     found = follow(estimator(), commands, angle, motors)
     assert found[:, 0] == pytest.approx(truth[:800, 0], abs=1e-3)
 

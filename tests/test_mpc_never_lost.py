@@ -1,5 +1,5 @@
-"""Whatever happens to the controller: bounds to the last bit, an honest status, and back again. 125,000 samples of it
-are run by benchmarks/mpc_never_lost.py."""
+"""Arbitrary faults: the controller keeps its bounds to the last bit, reports the fault, and recovers. The benchmark
+benchmarks/mpc_never_lost.py runs 125,000 such samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parts of the controller: prediction, estimator, governor, preview, inverse drive."""
+"""The parts of the controller: prediction, estimator, governor, preview, inverse of the drive."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_the_prediction_is_the_plants_simulation() -> None:
     commands = np.sin(np.arange(40.0))
     ahead = predictor().look_ahead(np.zeros(3), np.append(commands[0], commands), 0.0)
     expected = simulate(SMOOTH, command=commands, dt=DT, state=np.zeros(3))
-    assert ahead.states == pytest.approx(expected, abs=1e-10)  # a lag is settled in one step
+    assert ahead.states == pytest.approx(expected, abs=1e-10)  # the lag is integrated exactly in one step
 
 
 @pytest.mark.parametrize("lag", [2e-4, 1e-3, 2.4e-3, 2.5e-3, 5e-3, 2e-2])
@@ -213,7 +213,7 @@ def test_it_arrives_exactly_within_its_acceleration(
 
 
 def test_it_brakes_with_all_that_the_braking_sense_has() -> None:
-    # a load thrown backward: 1 s to brake, then 1 rad back, which the weak sense must brake: 4.6 s in least time
+    # initial speed backward: 1 s to brake, then 1 rad back, braked with the weak limit: 4.6 s in minimum time
     governor = Governor(sample_time=DT)
     governor.restart(0.0, -2.0)
     path = np.array([governor.govern(np.zeros(2), (0.1, 2.0))[0] for _ in range(1180)])
@@ -225,7 +225,7 @@ def test_it_brakes_with_all_that_the_braking_sense_has() -> None:
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), limits, limits)
 def test_it_never_asks_for_more_than_its_acceleration(seed: int, backward: float, forward: float) -> None:
-    # a reference that bends harder than the limits and in both senses leaves no room for corrections
+    # a reference with accelerations above the limits in both directions leaves no reserve for corrections
     governor = Governor(sample_time=DT)
     turns = 3.0 * np.random.default_rng(seed).choice([-backward, 0.0, forward], 200)
     path = governor.govern(np.cumsum(np.cumsum(turns)) * DT**2, (backward, forward))
@@ -269,7 +269,7 @@ def test_from_beyond_a_limit_the_reference_comes_back_to_it() -> None:
     assert np.max(-np.diff(path)) / DT == pytest.approx(0.5, abs=1e-9)
 
 
-# What the reference will be.
+# Extrapolation of the reference.
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.integers(0, 30))

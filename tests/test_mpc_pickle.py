@@ -1,4 +1,4 @@
-"""A controller goes through pickle, and so to other processes, and goes on where it was."""
+"""A controller can be pickled, and so sent to other processes, and continues with its state."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_it_goes_on_where_it_was(other: object, count: int) -> None:
     for name in ("model", "gears", "horizon", "angle_limits", "torque_rate", "motor_friction", "sqp_iterations"):
         assert getattr(two, name) == getattr(one, name)
     torques = goes_on(one)
-    assert np.array_equal(goes_on(two), torques)  # and each for itself
+    assert np.array_equal(goes_on(two), torques)  # independently of each other
     assert np.ptp(torques) > 0.0
 
 

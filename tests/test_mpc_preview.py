@@ -1,4 +1,4 @@
-"""A reference that is known ahead and cannot be followed; and a load that does not follow."""
+"""A previewed reference that the torques cannot follow, and a load that does not follow."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEP = sample_step(MODEL)
 
 
 def wanted(samples: int) -> Array:
-    """Swing and a step of 0.25 rad at 1 s."""
+    """A sine, and a step of 0.25 rad at 1 s."""
     time = DT * np.arange(samples)
     return np.asarray(0.3 * np.sin(time) + 0.25 * (time > 1.0))
 
@@ -32,12 +32,12 @@ def advanced(state: Array, torque: float) -> Array:
 
 
 def run(controller: Controller, *, ahead: bool, stuck: bool = False) -> tuple[Array, list[str]]:
-    """Errors of a load that is exactly the model, or jammed."""
+    """Errors and statuses of a load that equals the model, or is jammed."""
     N, reference = controller.horizon, wanted(700)
     state, errors, said = np.array([0.0, 0.3]), [], []
     noise = 1e-5 * np.random.default_rng(0).standard_normal(600)
     for k in range(600):
-        shown = state[0] + noise[k] * stuck  # to the last bit the same would be no reading
+        shown = state[0] + noise[k] * stuck  # a value constant to the last bit would be an encoder fault
         control = controller.step(shown, reference[k : k + N + 1] if ahead else reference[k])
         errors.append(state[0] - reference[k])
         said.append(control.status)
@@ -46,7 +46,7 @@ def run(controller: Controller, *, ahead: bool, stuck: bool = False) -> tuple[Ar
 
 
 def plain(controller: Controller) -> Array:
-    """Errors of the program as it stands in text books, with our weights and bounds and without a governor."""
+    """Errors of the textbook program with the same weights and bounds, without a governor."""
     N, P, w = controller.horizon, controller._terminal_weight, controller._rate_weight
     A, B = np.array([[1.0, DT], [0.0, 1.0]]), np.array([DT**2 / 2, DT]) / MODEL.inertia
     answer, free = np.zeros((N + 1, 2, N)), np.zeros((N + 1, 2, 2))
@@ -85,7 +85,7 @@ def test_what_cannot_be_followed_is_begun_before_it_is_there(horizon: int) -> No
 
 def test_a_set_point_that_comes_unannounced_is_governed() -> None:
     known, unknown = (run(STRONG(), ahead=ahead)[0] for ahead in (True, False))
-    assert np.all(np.abs(unknown[170:200]) < 1e-3)  # the move from rest is over, and nothing begins before the step
+    assert np.all(np.abs(unknown[170:200]) < 1e-3)  # the initial move has ended, and no move starts before the step
     assert np.sum(known**2) < 0.7 * np.sum(unknown**2)
 
 
@@ -96,6 +96,6 @@ def test_a_load_that_does_not_follow_is_told(compiled: bool) -> None:
         controller._step = controller._interpreted
     said = run(controller, ahead=True, stuck=True)[1]
     late = round(1.0 / controller.bandwidth / DT)
-    begun = round(0.05 / DT)  # until then the governed reference, which sets out gently, has hardly left the load
+    begun = round(0.05 / DT)  # until then the governed reference, with limited jerk, is still near the load
     assert set(said[begun + 2 * late :]) == {"degraded: the load does not follow the reference"}
     assert set(run(STRONG(), ahead=True)[1][200:]) == {"optimal"}

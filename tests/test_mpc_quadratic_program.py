@@ -1,4 +1,4 @@
-"""The quadratic program of a step: solved as others solve it, whatever the start, and never believed unproved."""
+"""The quadratic program of a step: same solution as other solvers, from any start, and always certified."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 def by_others(stages: Stages) -> Array:
     R, target = stages.rows
-    free = stages.high > stages.low  # it takes no interval of length zero
+    free = stages.high > stages.low  # the solver does not accept an interval of length zero
     e = np.where(free, 0.0, stages.low)
     target = target - R @ e
     answer = lsq_linear(
@@ -122,7 +122,7 @@ def test_the_residual_tells_optimal_from_not() -> None:
     moved = 0.9 * e
     both.program.bounds[:, 0] = -1.0
     both.program.bounds[:, 1] = both.program.bounds[:, 2] = moved
-    both.program.sweep()  # all held where they are
+    both.program.sweep()  # all torques held at these values
     both.program.bounds[:, 1], both.program.bounds[:, 2] = stages.low, stages.high
     slope = R.T @ (R @ moved - target)
     curvature = both.program.law[:, -1]

@@ -1,4 +1,4 @@
-"""Encoders that fail while they go on showing numbers: they stand still, contradict each other, or begin again."""
+"""Encoder faults with finite values: frozen encoders, encoders that contradict each other, and wrap-around."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def loop(
     fitted: bool,
     samples: int = 600,
 ) -> tuple[Array, list[str], Array]:
-    """Errors [rad], statuses and torques (T, 2); from sample 200 on the load's, or the motors' encoders stand still.
+    """Errors [rad], statuses and torques (T, 2); from sample 200 on load or motor encoders are frozen.
 
-    Or that of the load goes away by `drift` a sample [rad].
+    Or the load encoder drifts by `drift` per sample [rad].
     """
     controller = Controller(RIGID, PAPER, motor_resolution=STEP if fitted else None)
     rng, dt, seen = np.random.default_rng(0), controller.sample_time, {}
@@ -64,7 +64,7 @@ def loop(
 
 
 def noticed(statuses: list[str]) -> int:
-    """After how many samples with the fault."""
+    """Number of samples from the fault to its detection."""
     return next((k for k, status in enumerate(statuses[FROZEN:]) if "contradicted" in status), len(statuses))
 
 
@@ -80,7 +80,7 @@ def test_motors_tell_that_the_encoder_of_the_load_stands(reference: Callable[[Ar
 
 def test_a_frozen_encoder_is_detected_once_the_load_should_move() -> None:
     errors, statuses, _ = loop(late_step, load=True, fitted=True)
-    assert noticed(statuses) <= 100 + 10  # the step is 100 samples after
+    assert noticed(statuses) <= 100 + 10  # the step comes 100 samples after the fault
     assert np.max(np.abs(errors[500:])) < 4e-4
 
 
@@ -99,7 +99,7 @@ def test_the_load_encoder_reveals_frozen_motor_encoders() -> None:
 
 
 def test_a_sudden_stop_without_motor_encoders_is_rejected() -> None:
-    """The model stands in, as for a reading that is missing; without a word it ran away by 3.8 rad."""
+    """The prediction is used, as for a missing measurement; without detection the load ran away by 3.8 rad."""
     errors, statuses, torques = loop(sine, load=True, fitted=False)
     print(f"noticed after {noticed(statuses)} samples, {np.max(np.abs(errors)):.2f} rad")
     assert noticed(statuses) <= 10
@@ -125,7 +125,7 @@ def test_what_works_is_not_contradicted(fitted: bool) -> None:
 
 @pytest.mark.parametrize("friction", [0.3, 1.0])
 def test_a_load_that_sticks_is_no_failure(friction: float) -> None:
-    """A clean, coarse encoder shows the same to the last bit for long, while friction that no model knows holds."""
+    """A noise-free, coarse encoder is constant to the last bit for a long time while unmodelled friction holds."""
     rig = Rig.paper_like(coulomb_friction=friction, encoder_counts=2**13, encoder_noise=0.0)
     controller = Controller(RIGID, PAPER, encoder_resolution=2 * np.pi / 2**13)
     state, rng, statuses = rig.rest(0.0, least_effort(controller.bounds, 0.0)), np.random.default_rng(0), []
@@ -149,7 +149,7 @@ def test_an_encoder_that_comes_back_is_believed_again() -> None:
 
 
 def test_a_reading_that_wraps_is_put_on_its_turn() -> None:
-    """The same as from readings that go on; without the range the load turned for ever."""
+    """Same result as with an encoder that counts over turns; without the range the load kept turning."""
     wrapping, going_on = Controller(RIGID, PAPER, encoder_range=2 * np.pi), Controller(RIGID, PAPER)
     state = np.array([3.0, 0.0])
     for k in range(1500):
@@ -163,7 +163,7 @@ def test_a_reading_that_wraps_is_put_on_its_turn() -> None:
         np.testing.assert_allclose(controls[0].torques, controls[1].torques, atol=1e-5)
         torque = PAPER.follower_torque(controls[0].torques)[None]
         state = simulate(RIGID, command=torque, dt=0.005, state=state)[-1]
-    assert abs(state[0] - wanted) < 5e-3  # a turn and more further on
+    assert abs(state[0] - wanted) < 5e-3  # beyond one turn
 
 
 def test_a_range_that_is_none_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""Intervals with and without a price in the program of a step: rates, and soft limits of angle and speed."""
+"""Hard and soft intervals in the program of a step: torque rates, and limits of angle and speed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def excess(stages: Stages, fences: Fences, e: Array) -> Array:
-    """(N, 3) by how much each number is beyond its interval."""
+    """(N, 3) violation of the interval of each constrained quantity."""
     q = fences.rows(stages) @ e
     return np.maximum(np.maximum(fences.ends[..., 0] - q, q - fences.ends[..., 1]), 0.0)
 
@@ -36,7 +36,7 @@ def cost(stages: Stages, fences: Fences, e: Array) -> float:
 
 
 def by_others(stages: Stages, fences: Fences, *, hard: bool) -> tuple[Array, Array] | None:
-    """Torques, and multipliers (N, 3), by qpOASES; soft limits with a slack each. None if there is no solution."""
+    """Torques, and multipliers (N, 3), by qpOASES, with a slack for each soft limit; None if there is no solution."""
     N = stages.miss.size
     R, target = stages.rows
     rows, soft = fences.rows(stages), 0 if hard else 2 * N
@@ -75,7 +75,7 @@ def test_it_agrees_with_another_solver_where_limits_are_soft(compiled: bool) -> 
         assert residual <= 1e-6
         assert theirs is not None
         assert np.all((ours >= stages.low - 1e-9) & (ours <= stages.high + 1e-9))
-        assert np.max(excess(stages, fences, ours)[:, 0]) < 1e-9  # the rate never gives way
+        assert np.max(excess(stages, fences, ours)[:, 0]) < 1e-9  # the rate is a hard limit
         best = cost(stages, fences, theirs[0])
         assert cost(stages, fences, ours) <= best + 1e-7 * abs(best) + 1e-12
         active += bool(np.any(np.abs(solver(2, 20, fenced=True).program.forces[:, 1:]) > 0))
@@ -127,7 +127,7 @@ def test_whatever_is_remembered_the_answer_is_the_same(seed: int, hardness: floa
 
 
 def test_the_active_set_follows_a_limit_that_moves() -> None:
-    """What one step has found is the next one's beginning, so that the interior point method is seldom asked."""
+    """Each step is warm-started with the last active set, so the interior point method is rarely used."""
     asked = []
     controller = Controller(ServoModel.paper(), GearTrain.paper(), horizon=30, angle_limits=(-0.2, 0.2))
     interpreted = controller._interpreted
@@ -166,11 +166,11 @@ def test_steps_of_that_size_lead_through_ranges(ranges: list[tuple[float, float]
     reached = np.array(within_rate([(low, high) for low, high in reach.tolist()], last, step), dtype=np.float64)
     tube, steps = reached[:, :2], reached[:, 2]
     assert np.all((tube >= reach[:, :1] - 1e-12) & (tube <= reach[:, 1:] + 1e-12))
-    torque = [tube[-1, 0]]  # backwards from any end of the tube there is a way
+    torque = [tube[-1, 0]]  # from any end of the tube there is a path backwards
     for k in range(len(reach) - 1, 0, -1):
         torque.append(float(np.clip(torque[-1], tube[k - 1, 0], tube[k - 1, 1])))
         assert abs(torque[-1] - torque[-2]) <= steps[k] + 1e-12
     assert abs(torque[-1] - last) <= steps[0] + 1e-12
     assert np.all(steps >= step)
     inside = (reach[:, 0] <= last) & (reach[:, 1] >= last)
-    assert np.all(steps[inside.cumprod().astype(bool)] == step)  # it yields only where a range is out of reach
+    assert np.all(steps[inside.cumprod().astype(bool)] == step)  # the step is relaxed only if a range is out of reach

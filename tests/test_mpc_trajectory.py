@@ -1,4 +1,4 @@
-"""Moves in least time and with least heat, against closed forms, finer simulations and the rig."""
+"""Moves in minimum time and with least heat, compared with closed forms, finer simulations and the test bench."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PURE = ServoModel(inertia=J, gravity=0.0, viscous_friction=0.0)
 
 
 def sound(move: Trajectory, goal: float, bounds: Limits = BOUNDS, miss: float = 1e-6) -> bool:
-    """Inside its bounds to the last bit, at the goal, with flanks held, and torques that add up."""
+    """Inside its bounds to the last bit, at the goal, with contact kept, and with consistent torques."""
     drives = bounds.structure.signs * move.torques
     return (
         move.status == "optimal"
@@ -81,7 +81,7 @@ def test_with_friction_acceleration_takes_longer_than_braking() -> None:
 
 
 def test_least_heat_of_a_double_integrator_is_the_known_one() -> None:
-    # With u the torque of the drive that pushes less that of the one that holds, seen from the pinion, the heat is
+    # With u the torque of the driving pinion minus that of the holding one, seen from the pinion, the heat is
     # m^2 + (m + |u|)^2. The costate p is a line through zero half-way, and u = sign(p) max(|p| - m, 0).
     T, goal = 3.0, 1.0
     t = (np.arange(200_000) + 0.5) / 200_000 * T
@@ -112,7 +112,7 @@ def test_least_loss_move_in_least_time_is_bang_bang() -> None:
 
 
 def test_flank_torque_is_a_bound_of_its_own() -> None:
-    # gravity takes the load along, with both drives near their least torque: heavy rotors then take more than that
+    # gravity accelerates the load, both drives are near their minimum torque, and heavy rotors take more than that
     load = ServoModel(inertia=4.0, gravity=1.5)
     held, careless = minimum_heat(load, HEAVY, 0.0, -1.0, 3.0), minimum_heat(load, BOUNDS, 0.0, -1.0, 3.0)
     assert sound(held, -1.0, HEAVY)
@@ -127,7 +127,7 @@ def test_flank_torque_is_a_bound_of_its_own() -> None:
     ("model", "start", "goal", "miss"),
     [
         (ServoModel(), -0.5, 0.8, 1e-6),
-        (ServoModel.paper(), 0.0, 1.0, 4e-3),  # its dead zone is a jump, planned as a steep slope
+        (ServoModel.paper(), 0.0, 1.0, 4e-3),  # the jump of its dead zone is planned as a steep slope
         (ServoModel(inertia=4.0).with_effect(CoulombFriction(torque=0.3)), 1.0, 0.2, 1e-6),
     ],
 )

@@ -1,4 +1,4 @@
-"""What is chosen for a machine has margins, whatever its size, its encoder and its lateness."""
+"""The automatic tuning has margins for any size of machine, encoder, dead time and lag."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_the_peak_sensitivity_is_below_two(inertia: float, sample_time: float) -
     ],
 )
 def test_an_axis_of_viscous_friction_alone_is_as_fast(settles: float, sample_time: float) -> None:
-    """It settles within a sample: K Ts/J is above one. A step by Euler's rule left 0.64 Hz, or refused it."""
+    """The axis settles within a sample: K Ts/J is above one. Euler integration gave 0.64 Hz, or an error."""
     model = ServoModel(inertia=sample_time / settles, gravity=0.0, viscous_friction=1.0)
     controller = Controller(model, PAPER, sample_time=sample_time)
     loop = analyse_loop(controller)
@@ -65,7 +65,7 @@ def test_so_it_is_with_friction_and_lateness_at_rest_and_moving(effects: tuple[E
     ],
 )
 def test_a_controller_settles_by_itself_while_friction_holds(inertia: float, late: float) -> None:
-    """While the reading stands nothing answers to the controller; one that was unstable by itself swung at rest."""
+    """With a held load the loop is open: a controller that is unstable by itself would oscillate at rest."""
     model = ServoModel(inertia=inertia, gravity=0.1, viscous_friction=0.02, effects=(InputDelay(time=late),))
     fine = {"encoder_resolution": 2 * np.pi / 2**20, "encoder_noise": 2e-6}
     loop = analyse_loop(Controller(model, PAPER, **fine))  # type: ignore[arg-type]

@@ -1,3 +1,3 @@
-"""The paper's own experiments, one file each: settings from a scenario file, numbers, and what they say."""
+"""The paper's own experiments, one file each: settings from a scenario file, numbers, and conclusions."""
 
 from __future__ import annotations

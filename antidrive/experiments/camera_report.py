@@ -21,28 +21,28 @@ MICRO = 1e6  # microradians in a radian
 
 @dataclass(frozen=True, kw_only=True)
 class Mean:
-    """Over targets, with half the width of its 95 % interval (Student)."""
+    """Mean over targets, with half the width of its 95 % interval (Student)."""
 
     value: float
     half: float
 
     @classmethod
     def of(cls, values: Array) -> Mean:
-        """Of values (S,) that are independent and about normal."""
+        """Of values (S,), independent and approximately normal."""
         spread = float(np.std(values, ddof=1)) / np.sqrt(values.size)
         return cls(value=float(np.mean(values)), half=float(stdtrit(values.size - 1, 0.975)) * spread)
 
     def text(self, unit: str) -> str:
-        """With as many digits as the interval leaves."""
+        """Text with as many digits as the interval justifies."""
         return measured(self.value, self.half, unit)
 
     def __str__(self) -> str:
-        """In microradians."""
+        """Text in microradians."""
         return f"{MICRO * self.value:.0f} ± {MICRO * self.half:.0f} µrad"
 
 
 def verdict(found: Tracked, kind: int) -> str:
-    """Error of each other law compared with least effort at one kind of target, by the differences target by target."""
+    """Error of each law compared with least effort at one kind of target, from the differences per target."""
     planned = LAWS.index(PLANNED)
     words: dict[str, list[str]] = {"more": [], "less": [], "the same": []}
     for law, name in enumerate(LAWS):
@@ -56,7 +56,7 @@ def verdict(found: Tracked, kind: int) -> str:
 
 
 def run(settings: CameraSettings, seed: int, tell: Tell | None = None) -> Outcome:
-    """The camera, told."""
+    """Run the camera experiment and report it."""
     return sentences_of(settings, experiment(settings, seed, tell))
 
 

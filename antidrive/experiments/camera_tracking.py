@@ -1,8 +1,8 @@
 """The abstract of the paper: a platform carries a camera that follows a moving target, with one drive and with two.
 
-The controller is the same every time; what differs is the torque allocation between drive and anti-drive. The load
-is seen through the camera, coarsely; the motors' encoders see it much finer, but through the teeth. So the price of a
-gap is not only what the teeth do when they meet, but that the motors no longer tell where the load is.
+The controller is always the same; the torque allocation between drive and anti-drive differs. The load angle is
+measured coarsely by the camera, and much more finely by the motors' encoders, but through the gear contact. Loss of
+contact therefore has two costs: the impact of the teeth, and a motor angle that no longer measures the load.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ class CameraSettings:
     """Targets, platform, payload and controller.
 
     Attributes:
-        title: for people.
-        span: over which the targets move [rad].
+        title: for users.
+        span: range of the targets [rad].
         acceleration: greatest one of the targets [rad/s^2].
-        targets: how many of each kind are followed.
-        foresight: how far ahead the path of a target is known [s]; further on it is taken to go straight.
+        targets: number of targets of each kind.
+        foresight: how far ahead the path of a target is known [s]; beyond that it is extrapolated linearly.
         duration, sample_time: [s].
-        payload_mass, payload_arm: of the camera [kg], and how far from the axis, level with it at angle zero [m].
-        pixel: width of one in the camera's picture [rad].
-        picture_noise: standard deviation of where it sees the target [rad].
+        payload_mass, payload_arm: of the camera [kg], and its distance from the axis, horizontal at angle zero [m].
+        pixel: width of a pixel in the camera's image [rad].
+        picture_noise: standard deviation of the target's position in the image [rad].
         min_torque, max_torque: of each pinion [N m].
         bandwidth, torque_noise, disturbance_rate: of the controller [Hz], [N m], [N m/sqrt(s)].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine without payload.
@@ -68,7 +68,7 @@ class CameraSettings:
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        """Check what neither rig nor controller checks."""
+        """Check the settings that neither rig nor controller checks."""
         need_positive(self, "span", "acceleration", "sample_time", "pixel", "min_torque", "max_torque")
         need_samples(self.duration - FADE_IN, self.sample_time)
         if self.targets < 2:
@@ -81,7 +81,7 @@ class CameraSettings:
         self.machine((1, 2))
 
     def machine(self, drives: tuple[int, ...]) -> Rig:
-        """The rig with its payload; the camera stands for the load's encoder."""
+        """The rig with its payload; the camera is the load's encoder."""
         bare = Rig.paper_like(**{**self.rig, "drives": drives})
         carried = {
             "inertia": bare.inertia + self.payload_mass * self.payload_arm**2,
@@ -103,15 +103,16 @@ class CameraSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """Over L laws, K kinds of target and S targets of each kind.
+    """Results over L laws, K kinds of target and S targets of each kind.
 
     Attributes:
-        laws: how the preloads were sized.
+        laws: the sized preload laws.
         rms: (L, K, S) root mean square of load less target [rad].
-        peak: (L, K, S) its greatest size [rad].
+        peak: (L, K, S) its greatest magnitude [rad].
         heat: (L, K, S) mean of the sum of xi_i^2 [N^2 m^2].
-        watts: (L, K, S) mean heat in the windings [W].
-        least: (L, K, S) least flank torque of two drives [N m], follower side; of one drive, zero or less if it parted.
+        watts: (L, K, S) mean copper loss [W].
+        least: (L, K, S) minimum flank torque of two drives [N m], follower side; of one drive, zero or less if contact
+            was lost.
         time: (T,) [s].
         wanted: (T,) first target of the last kind [rad].
         error: (L, T) load less that target [rad].
@@ -129,7 +130,7 @@ class Tracked:
 
 
 def experiment(settings: CameraSettings, seed: int, tell: Tell | None = None) -> Tracked:
-    """Follow every target under every law."""
+    """Follow every target with every law."""
     pair = settings.machine((1, 2))
     ahead = _controller(settings, pair, rigid_model(pair)).horizon + 1
     paths = settings.paths(ahead, seed)
@@ -155,7 +156,7 @@ def experiment(settings: CameraSettings, seed: int, tell: Tell | None = None) ->
 def _sized(
     settings: CameraSettings, rig: Rig, paths: Mapping[tuple[str, int], Array]
 ) -> tuple[PreloadLaws, dict[str, float]]:
-    """The laws for the torques that the targets take, and the dry friction that it has under each of them [N m]."""
+    """The laws for the torques of the targets, and the dry friction with each of them [N m]."""
     rubs = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
     model, torques, accelerations = rigid_model(rig), [], []
     for path in paths.values():
@@ -178,7 +179,7 @@ def _sized(
 
 
 def _controller(settings: CameraSettings, rig: Rig, model: ServoModel) -> Controller:
-    """The one controller; a single drive has it without its motor's encoder, which a gap makes worse than none."""
+    """The controller; with a single drive it has no motor encoder, which backlash makes worse than none."""
     return Controller(
         model,
         rig.gears,
@@ -205,7 +206,7 @@ def _followed(
     seed: int,
     parts: Parts,
 ) -> dict[str, Array]:
-    """All targets under some laws at once, cases in the order of laws, kinds and numbers."""
+    """All targets with some laws at once, cases in the order of laws, kinds and numbers."""
     rig = settings.machine(drives)
     cases = list(product(ways, paths))
     fleet, count = Fleet([rig] * len(cases)), round(settings.duration / settings.sample_time)
@@ -249,7 +250,7 @@ def _followed(
 
 
 def _foreseen(paths: Array, now: int, ahead: int, known: int) -> Array:
-    """(B, ahead) the paths from sample `now` on: as they are for `known` samples, then straight."""
+    """(B, ahead) the paths from sample `now` on: known for `known` samples, then linear."""
     window = paths[:, now : now + ahead].copy()
     if known < ahead:
         rate = window[:, known] - paths[:, max(now + known - 1, 0)]

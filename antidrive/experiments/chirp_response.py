@@ -1,4 +1,4 @@
-"""Figures 4 and 5 of the paper: model and machine under the same chirp; and equation (5) beside equation (4)."""
+"""Figures 4 and 5 of the paper: model and machine under the same chirp; equation (5) compared with equation (4)."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ PAPER = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
 
 @dataclass(frozen=True, kw_only=True)
 class ChirpSettings:
-    """The sweep, and the machine under it.
+    """The sweep and the machine.
 
     Attributes:
-        title: for people.
+        title: for users.
         amplitude: of the follower torque [N m].
-        start, stop: frequencies [Hz]; the model is found on the sweep backwards.
+        start, stop: frequencies [Hz]; the model is fitted to the reversed sweep.
         duration, sample_time: [s].
         preload: of each pinion [N m].
         steps: sample times at which eq. (5) is compared with eq. (4) [s].
@@ -48,7 +48,7 @@ class ChirpSettings:
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        """Check what neither the signal nor the rig checks."""
+        """Check the settings that neither the signal nor the rig checks."""
         need_positive(self, "amplitude", "duration", "sample_time", "steps")
         need_samples(self.duration, min(self.sample_time, *self.steps))
         if any(abs(max(self.steps) / step - round(max(self.steps) / step)) > 1e-9 for step in self.steps):
@@ -71,15 +71,15 @@ class ChirpResponse:
 
     Attributes:
         time, torque: (T,) [s], [N m].
-        measured: of the rig, as its encoder shows it.
+        measured: of the rig, by its encoder.
         paper: of eq. (4) with the paper's numbers.
-        found: of eq. (4) with numbers found by prediction errors on another sweep.
-        model: those numbers.
-        rubbing: of eq. (4) with dry friction beside, found in the same way.
+        found: of eq. (4) with parameters fitted to another sweep.
+        model: those parameters.
+        rubbing: of eq. (4) plus dry friction, fitted in the same way.
         friction: that dry friction [N m].
-        contact_lost: whether a flank opened.
+        contact_lost: whether a flank lost contact.
         steps: (K,) sample times of eq. (5) [s].
-        difference: (K,) the most by which it leaves eq. (4) [rad].
+        difference: (K,) its largest difference from eq. (4) [rad].
     """
 
     time: Array
@@ -101,7 +101,7 @@ class ChirpResponse:
 
 
 def experiment(settings: ChirpSettings, seed: int) -> ChirpResponse:
-    """Play the chirp on the rig and into the models."""
+    """Apply the chirp to the rig and to the models."""
     torque = settings.torque()
     played, other = _played(settings, torque, seed), _played(settings, settings.torque(backwards=True), seed + 1)
     log = Log.from_arrays(time=other.time, torque=settings.torque(backwards=True), angle=other.angle, label="sweep")
@@ -132,7 +132,7 @@ def _played(settings: ChirpSettings, torque: Array, seed: int) -> RigRecord:
 
 
 def _difference(settings: ChirpSettings, step: float) -> float:
-    """The most by which eq. (5) at a sample time leaves eq. (4) [rad], both under a torque held for the longest one."""
+    """Largest difference of eq. (5) at a sample time from eq. (4) [rad], with the torque held for the longest one."""
     hold = max(settings.steps)
     coarse = chirp(
         amplitude=settings.amplitude,
@@ -147,7 +147,7 @@ def _difference(settings: ChirpSettings, step: float) -> float:
 
 
 def run(settings: ChirpSettings, seed: int) -> Outcome:
-    """Figures 4 and 5 repeated, and told."""
+    """Repeat figures 4 and 5, and report them."""
     found = experiment(settings, seed)
     of_paper, of_found = found.fit_percent(found.paper), found.fit_percent(found.found)
     of_rubbing, rig = found.fit_percent(found.rubbing), settings.machine()

@@ -1,8 +1,8 @@
-"""Figure 6 of the paper: the dead zone as an input-output curve, measured on the rig beside the true gap.
+"""Figure 6 of the paper: the dead zone as an input-output curve on the rig, compared with the true backlash.
 
-One drive pushes and pulls slowly against a load whose brake is on. Torque over twist, the motor's angle less the
-load's, is flat across the free play and rises on either flank. Torque passed falls short of torque told by the motor's
-friction, whatever the gap; what the gap costs at a reversal is the time in which the rotor crosses it.
+One drive slowly pushes and pulls against a load whose brake is on. Torque over twist, the motor's angle less the
+load's, is flat across the backlash and rises on either flank. The transmitted torque is below the commanded torque by
+the motor's friction, for any backlash; the backlash itself causes a delay at each reversal, while the rotor crosses it.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from plant.fleet import Fleet
 from plant.rig import Rig
 from plant.signals import triangle
 
-ON_A_FLANK = 0.3  # share of the greatest torque from which the teeth surely lie on a flank
+ON_A_FLANK = 0.3  # fraction of the greatest torque from which the teeth are certainly in contact
 COLOURS = (BEFORE, AFTER, SECOND, MEASURED)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeadZoneSettings:
-    """The triangle, and the machines under it.
+    """The triangular torque and the machines.
 
     Attributes:
-        title: for people.
-        amplitude: of the torque that the drive is told to give, at the follower [N m].
+        title: for users.
+        amplitude: of the commanded torque, at the follower [N m].
         frequency: of its triangle [Hz].
         duration, sample_time: [s].
         brake: dry friction that holds the load [N m].
-        gaps: free plays to measure [rad].
+        gaps: backlashes to measure [rad].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
 
@@ -48,7 +48,7 @@ class DeadZoneSettings:
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        """Check what the rig does not check."""
+        """Check the settings that the rig does not check."""
         need_positive(self, "amplitude", "frequency", "duration", "sample_time", "gaps")
         need_samples(self.duration, self.sample_time)
         if self.duration * self.frequency < 1.0:
@@ -60,25 +60,25 @@ class DeadZoneSettings:
                 raise BadParameter(f"brake = {self.brake:g} N m does not hold the load against amplitude and gravity.")
 
     def machines(self) -> list[Rig]:
-        """A rig for each gap, with drive 2 alone."""
+        """A rig for each backlash, with drive 2 alone."""
         held = {**self.rig, "coulomb_friction": self.brake, "drives": (2,)}
         return [Rig.paper_like(**{**held, "backlash": gap}) for gap in self.gaps]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DeadZoneCurves:
-    """Curves of B machines over T samples, and what was read off them.
+    """Curves of B machines over T samples, and values measured from them.
 
     Attributes:
-        time, told: (T,) [s], torque told to the drive, at the follower [N m].
-        twist: (T, B) motor angle seen from the load less load angle, as the encoders show them [rad].
-        passed: (T, B) torque that the teeth really pass [N m].
-        true_gap, gap: (B,) [rad].
+        time, told: (T,) [s], commanded torque of the drive, at the follower [N m].
+        twist: (T, B) motor angle at the load side less load angle, by the encoders [rad].
+        passed: (T, B) torque transmitted by the teeth [N m].
+        true_gap, gap: (B,) backlash [rad].
         true_friction, friction: (B,) half width of the dead zone in torque [N m].
-        stiffness: (B,) of the teeth [N m/rad].
+        stiffness: (B,) of the gear contact [N m/rad].
         rate: of the torque [N m/s].
-        crossing: (B,) how long nothing is passed at a reversal [s].
-        flight: (B,) how long a free rotor needs for the gap while the torque grows at that rate [s].
+        crossing: (B,) time without transmitted torque at a reversal [s].
+        flight: (B,) time of a free rotor to cross the backlash while the torque grows at that rate [s].
     """
 
     time: Array
@@ -96,7 +96,7 @@ class DeadZoneCurves:
 
 
 def experiment(settings: DeadZoneSettings, seed: int) -> DeadZoneCurves:
-    """Play the triangle on all machines and read gap, stiffness and friction off the encoders.
+    """Apply the triangle to all machines and estimate backlash, stiffness and friction from the encoders.
 
     On the flanks, with torque D and the direction s of its change, twist = offset + sign(D) gap/2 + (D - s f)/k.
     """
@@ -111,7 +111,7 @@ def experiment(settings: DeadZoneSettings, seed: int) -> DeadZoneCurves:
     played = Fleet(rigs).run(pinion, settings.sample_time, range(seed, seed + len(rigs)))
     to_load = rigs[0].gears.pre_reductions[0] * rigs[0].torque_map[0]
     twist = played.motor_angles[:, :, 0] / to_load - played.angle
-    # a reading at a sample goes with the torque held until then
+    # a measurement at a sample corresponds to the torque held until then
     before, direction = np.roll(told, 1), np.sign(np.roll(told, 1) - np.roll(told, 2))
     settled = np.arange(told.size) * settings.sample_time > 0.25 / settings.frequency
     use = settled & (np.abs(before) > ON_A_FLANK * settings.amplitude) & (direction != 0.0)
@@ -136,14 +136,14 @@ def experiment(settings: DeadZoneSettings, seed: int) -> DeadZoneCurves:
 
 
 def _empty_samples(passed: Array) -> float:
-    """Mean number of samples without torque between a flank and the other one; bounces on one flank do not count."""
+    """Mean number of samples without torque between one flank and the other; bounces on one flank do not count."""
     touching = np.flatnonzero(passed != 0.0)
     crossings = np.sign(passed[touching[1:]]) != np.sign(passed[touching[:-1]])
     return float(np.mean(np.diff(touching)[crossings] - 1.0))
 
 
 def run(settings: DeadZoneSettings, seed: int) -> Outcome:
-    """Figure 6 measured, and told."""
+    """Measure figure 6, and report it."""
     found = experiment(settings, seed)
     error = found.gap / found.true_gap - 1.0
     cycle = found.time >= found.time[-1] - 1.0 / settings.frequency

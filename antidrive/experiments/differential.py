@@ -1,8 +1,8 @@
-"""Identification in differential and in common mode: what opposed drives tell of themselves, and of their load.
+"""Identification in differential and in common mode: parameters of two opposed drives, and of their load.
 
-Differential mode sweeps the preload at standstill: gap, stiffness of the teeth and friction of each drive. Common mode
+Differential mode sweeps the preload at standstill: backlash, contact stiffness and friction of each drive. Common mode
 moves the load under a constant preload: inertia, gravity, viscous friction, and a dry friction that grows with the
-preload as the differential mode says it must.
+preload as predicted from the differential mode.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ class DifferentialSettings:
     """Machines, sweep of the preload, and the common mode.
 
     Attributes:
-        title: for people.
-        gaps: free plays to measure [rad].
+        title: for users.
+        gaps: backlashes to measure [rad].
         bits: of the encoders at load and motors.
-        least_preload, greatest_preload: of each drive, seen from the load [N m].
-        visit: how long the preload stays in one sense [s].
-        visits: how many, one sense after the other.
+        least_preload, greatest_preload: of each drive, at the load side [N m].
+        visit: duration of the preload in one direction [s].
+        visits: number of visits, in alternating directions.
         sample_time: [s].
         stiffness, damping: of the loop that holds the load [N m/rad], [N m s/rad].
-        creep: speed at which it lets the load creep [rad/s].
+        creep: speed at which the load creeps meanwhile [rad/s].
         amplitude, start, stop, duration: of the follower torque in common mode [N m], [Hz], [Hz], [s].
-        preloads: of each drive in common mode, seen from the load [N m].
+        preloads: of each drive in common mode, at the load side [N m].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
 
@@ -66,7 +66,7 @@ class DifferentialSettings:
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        """Check what the rig does not check."""
+        """Check the settings that the rig does not check."""
         need_positive(self, "gaps", "least_preload", "visit", "sample_time", "stiffness", "amplitude", "duration")
         need_samples(self.visit * self.visits, self.sample_time)
         need_samples(self.duration, self.sample_time)
@@ -84,12 +84,12 @@ class DifferentialSettings:
         self.machine(self.gaps[0], int(self.bits[0]))
 
     def machine(self, gap: float, bits: int) -> Rig:
-        """A rig with a gap [rad] and encoders of some bits."""
+        """A rig with a backlash [rad] and encoders of some bits."""
         changes = {**self.rig, "backlash": gap, "encoder_counts": 2**bits, "motor_encoder_counts": 2**bits}
         return Rig.paper_like(**changes)
 
     def sweep(self) -> Sweep:
-        """Of the preload."""
+        """The sweep of the preload."""
         return Sweep(
             least=self.least_preload,
             greatest=self.greatest_preload,
@@ -103,7 +103,7 @@ class DifferentialSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """One machine: bits and gap [rad] that it has, and what was found."""
+    """One machine: its bits and backlash [rad], and the estimates."""
 
     bits: int
     gap: float
@@ -111,24 +111,24 @@ class Case:
 
     @property
     def error(self) -> float:
-        """Of that gap which is further off, relative."""
+        """Relative error of the estimated backlash, of the drive with the larger error."""
         return max((drive.gap.value / self.gap - 1.0 for drive in self.found.drives), key=abs)
 
     @property
     def std(self) -> float:
-        """Its standard error, relative."""
+        """Its relative standard error."""
         return max(drive.gap.std for drive in self.found.drives) / self.gap
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Differential:
-    """What both modes told.
+    """Results of both modes.
 
     Attributes:
         rig: one of the machines.
-        cases: of every gap and encoder, while the load crept.
-        standing: of the smallest gap and every encoder, while the load stood.
-        log: of one machine, as a drive would have it.
+        cases: of every backlash and encoder, with a creeping load.
+        standing: of the smallest backlash and every encoder, with a load at rest.
+        log: of one machine, in the form of a measured log.
         common: fits under each preload of the common mode.
     """
 
@@ -139,7 +139,7 @@ class Differential:
     common: list[Fit]
 
     def friction(self, preload: Array) -> Array:
-        """Dry friction of both drives [N m] under preloads (P,), as the best of the differential modes has it."""
+        """Dry friction of both drives [N m] under preloads (P,), from the best case of the differential mode."""
         drives = self.best.found.drives
         return sum((d.friction.value + d.friction_coefficient.value * preload for d in drives), np.zeros(preload.size))
 
@@ -154,7 +154,7 @@ def experiment(settings: DifferentialSettings, seed: int, tell: Tell | None = No
     plans = [(int(bits), gap, settings.creep) for gap in settings.gaps for bits in settings.bits]
     plans += [(int(bits), min(settings.gaps), 0.0) for bits in settings.bits]
     rigs = [settings.machine(gap, bits) for bits, gap, _ in plans]
-    sweep = settings.sweep().preload().size  # in its samples; a fit takes as long as 100 to 700 of them
+    sweep = settings.sweep().preload().size  # in samples of the sweep; a fit takes as long as 100 to 700 of them
     parts = Parts(sweep * (1.0 + len(plans) / 60 + len(settings.preloads) / 9), tell)
     creep = [speed for *_, speed in plans]
     logs = logs_of(Fleet(rigs), settings.sweep(), creep=creep, seed=seed, parts=parts)
@@ -173,7 +173,7 @@ def experiment(settings: DifferentialSettings, seed: int, tell: Tell | None = No
 
 
 def _common(settings: DifferentialSettings, rig: Rig, preload: float, seed: int) -> Fit:
-    """Fit of eq. (4) with dry friction to a chirp under a preload of each drive [N m], seen from the load."""
+    """Fit of eq. (4) with dry friction to a chirp under a preload of each drive [N m], at the load side."""
     torque = chirp(
         amplitude=settings.amplitude,
         start=settings.start,

@@ -1,4 +1,4 @@
-"""Identification in differential and in common mode, told."""
+"""Report of the identification in differential and in common mode."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from identification.lost_motion import Measured
 
 COLOURS = (BEFORE, SECOND, AFTER, MEASURED)
 ARCMIN = np.pi / 180.0 / 60.0
-WANTED = 0.05  # relative error of a gap
+WANTED = 0.05  # required relative error of a backlash
 
 
 def run(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> Outcome:
-    """Both modes, told."""
+    """Run both modes and report them."""
     found = experiment(settings, seed, tell)
     preloads = np.array(settings.preloads)
     moving, rubbed = _common(found.common), found.friction(preloads)
@@ -86,7 +86,7 @@ def _count(bits: float) -> float:
 
 
 def _common(fits: list[Fit]) -> dict[str, Array]:
-    """Values (P,) of each parameter, and not a number where the log does not tell it."""
+    """Values (P,) of each parameter, NaN if the log does not determine it."""
     names = [parameter.name for parameter in fits[0].parameters]
     values = [[np.nan if fit[name].value is None else fit[name].value for fit in fits] for name in names]
     return {name: np.array(row, dtype=np.float64) for name, row in zip(names, values, strict=True)}
@@ -127,7 +127,7 @@ def _columns(found: Differential) -> dict[str, Array]:
 
 
 def _twist(settings: DifferentialSettings, found: Differential) -> Picture:
-    """Half the twist of both drives against each other, which the load is not in, over the preload."""
+    """Half the twist of both drives against each other, independent of the load angle, over the preload."""
     columns, gears = _columns(found), found.rig.gears
     rotors = [columns[f"angle_{k + 1}"] / (gears.pre_reductions[k] * gears.angle_map[k]) for k in (0, 1)]
     preload = 0.5 * (gears.torque_map[1] * columns["torque_2"] - gears.torque_map[0] * columns["torque_1"])

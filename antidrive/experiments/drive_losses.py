@@ -1,6 +1,6 @@
-"""The conclusion of the paper: the mechanism is fail-safe. Either drive is lost at every kind of moment of a move.
+"""The conclusion of the paper: the mechanism is fail-safe. Either drive fails at several moments of a move.
 
-Each loss is compared with the same run, same noise, in which nothing is lost, over the same samples.
+Each loss is compared with the same run, with the same noise, without a loss, over the same samples.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from plant.errors import BadParameter
 from plant.rig import Rig
 
 REST = 1.0
-"""How long the load stands before, between and after the two moves [s]."""
+"""Rest before, between and after the two moves [s]."""
 
 MOMENTS = {"at standstill": None, "accelerating": 0.2113, "in mid motion": 0.5, "braking": 0.7887}
-"""When a drive is lost, as a share of the first move: greatest acceleration, speed and deceleration of least jerk."""
+"""Time of the loss, as a fraction of the first move: greatest acceleration, speed and deceleration of minimum jerk."""
 
 KNOWN = "backlash control with it"
-"""What the status says of a pair of which one is lost."""
+"""Part of the status of a pair with one drive lost."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +40,12 @@ class LossSettings:
     """The move, the machine and the controller.
 
     Attributes:
-        title: for people.
+        title: for users.
         span: of the move there and back [rad].
         acceleration: its greatest one [rad/s^2].
         sample_time: [s].
-        detection: how long after a loss it is known [s].
-        runs: how many seeds of the encoders' noise.
+        detection: delay until a loss is detected [s].
+        runs: number of seeds of the encoders' noise.
         min_torque, max_torque: of each pinion [N m].
         bandwidth, torque_noise, disturbance_rate: of the controller [Hz], [N m], [N m/sqrt(s)].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
@@ -65,7 +65,7 @@ class LossSettings:
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        """Check what neither rig nor controller checks."""
+        """Check the settings that neither rig nor controller checks."""
         need_positive(self, "span", "acceleration", "sample_time", "min_torque", "max_torque")
         if self.detection < 0.0:
             raise BadParameter(f"detection must not be negative, but is {self.detection:g} s.")
@@ -78,7 +78,7 @@ class LossSettings:
 
     @property
     def move(self) -> float:
-        """Duration of one move of least jerk [s]: its greatest acceleration is 10/sqrt(3) span/duration^2."""
+        """Duration of one minimum-jerk move [s]: its greatest acceleration is 10/sqrt(3) span/duration^2."""
         return float(np.sqrt(10.0 / np.sqrt(3.0) * self.span / self.acceleration))
 
     def machine(self) -> Rig:
@@ -86,7 +86,7 @@ class LossSettings:
         return Rig.paper_like(**self.rig)
 
     def reference(self) -> tuple[Array, Array]:
-        """(T,) time [s] and wanted angle [rad]: rest, there, rest, back, rest."""
+        """(T,) time [s] and reference angle [rad]: rest, there, rest, back, rest."""
         time = np.arange(round((3.0 * REST + 2.0 * self.move) / self.sample_time), dtype=np.float64) * self.sample_time
         there, back = (time - REST) / self.move, (time - 2.0 * REST - self.move) / self.move
         return time, self.span * (least_jerk(np.clip(there, 0.0, 1.0)) - least_jerk(np.clip(back, 0.0, 1.0)))
@@ -94,20 +94,20 @@ class LossSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Losses:
-    """Over D = 2 drives, M moments and R runs.
+    """Results over D = 2 drives, M moments and R runs.
 
     Attributes:
-        loss: (M,) when a drive is lost [s].
-        rms, intact: (D, M, R) root mean square of the error from the loss on, and without it [rad].
-        peak, intact_peak: (D, M, R) its greatest size [rad].
+        loss: (M,) time of the loss [s].
+        rms, intact: (D, M, R) root mean square of the error after the loss, and without it [rad].
+        peak, intact_peak: (D, M, R) its greatest magnitude [rad].
         final: (D, M, R) mean error of the last 20 samples [rad].
-        said: whether the status says from the moment that the loss is known, and not before, that backlash control
-            is lost.
+        said: whether the status reports the loss of backlash control in every sample from the detection on, and in none
+            before.
         kept: (D, M, R) whether contact was kept until the loss.
         parted: (D, M, R) whether the remaining drive lost contact after it.
         time, reference: (T,) [s], [rad].
-        error: (M, T) error of the first run when drive 2 is lost [rad].
-        error_intact: (T,) without a loss [rad].
+        error: (M, T) error when drive 2 is lost, in the last run [rad].
+        error_intact: (T,) error without a loss, in the last run [rad].
     """
 
     loss: Array
@@ -126,7 +126,7 @@ class Losses:
 
 
 def experiment(settings: LossSettings, seed: int, tell: Tell | None = None) -> Losses:
-    """Lose either drive at every moment, and none."""
+    """Run with the loss of either drive at every moment, and without a loss."""
     time, reference = settings.reference()
     moments = np.array([REST / 2 if share is None else REST + settings.move * share for share in MOMENTS.values()])
     still = [_played(settings, reference, 1, np.inf, seed + run) for run in range(settings.runs)]
@@ -201,7 +201,7 @@ def _mean(runs: Array, unit: str = "") -> str:
 
 
 def run(settings: LossSettings, seed: int, tell: Tell | None = None) -> Outcome:
-    """Losses of a drive, told."""
+    """Run the drive losses and report them."""
     found = experiment(settings, seed, tell)
     before, after = found.intact.mean(axis=2), found.rms.mean(axis=2)
     growth = after / before

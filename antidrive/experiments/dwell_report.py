@@ -1,4 +1,4 @@
-"""Dwell at reversals, told: in samples, beside the paper's, over gaps, preloads and speeds."""
+"""Report of the dwell at reversals, compared with the paper's, over backlashes, preloads and speeds."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from antidrive.experiments.reversal_dwell import ONE, PLANNED, DwellSettings, ex
 from antidrive.remaining_time import Tell
 
 PAPER = (35, 12)
-"""Samples with one actuator, and with drive/anti-drive."""
+"""Samples of dwell with one actuator, and with drive/anti-drive."""
 
 
 def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome:
-    """Play all motions and tell of them."""
+    """Simulate all motions and report them."""
     found, names = experiment(settings, seed, tell), list(settings.strategies)
     one, planned = names.index(ONE), names.index(PLANNED)
     colours = dict(zip(names, (BEFORE, MEASURED, SECOND, THIRD) * len(names), strict=False)) | {PLANNED: AFTER}

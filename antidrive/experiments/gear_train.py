@@ -1,4 +1,4 @@
-"""Section 3.1 of the paper: reduction, speed, and what speed and torque the motors leave at 36 V."""
+"""Section 3.1 of the paper: reduction, speed, and the speed-torque envelope of the motors at 36 V."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from plant.gears import GearTrain
 from plant.rig import Rig
 
 SAMPLE_TIME = 0.005  # of a run on the rig [s]
-SETTLED = 20.0  # a run's length in time constants of inertia over back-EMF
+SETTLED = 20.0  # duration of a run, in time constants of inertia over back-EMF
 PAPER_SPEEDS = np.array([5.65, 11.89, 18.12])  # section 4 [rad/s]
 
 
@@ -25,13 +25,13 @@ class GearTrainSettings:
     """Teeth, motors and loads.
 
     Attributes:
-        title: for people.
-        stages: driven and driving teeth of each stage, one behind the other: 46, 18, 41, 17, ...
+        title: for users.
+        stages: driven and driving teeth of each stage in series: 46, 18, 41, 17, ...
         pinion_teeth, follower_teeth: of the final mesh.
         motor_speed: without load, at the supply voltage [rpm].
         supply_voltage: [V].
         winding_resistance: of each motor [ohm]; the paper does not give it.
-        holding_torque: pinion torque with which the other drive preloads [N m].
+        holding_torque: preload torque at the pinion of the other drive [N m].
         loads: load torques at which the rig is measured [N m].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
@@ -48,20 +48,20 @@ class GearTrainSettings:
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        """Check what the rig does not check."""
+        """Check the settings that the rig does not check."""
         need_positive(self, "motor_speed", "supply_voltage", "winding_resistance")
         if len(self.stages) % 2 or any(count % 1 for count in self.stages):
             raise BadParameter(f"stages must be pairs of whole numbers, driven and driving, not {self.stages!r}.")
         self.machine()
 
     def gears(self) -> GearTrain:
-        """The train."""
+        """The gear train."""
         teeth = [int(count) for count in self.stages]
         pairs = tuple(zip(teeth[::2], teeth[1::2], strict=True))
         return GearTrain(pinion_teeth=(self.pinion_teeth,) * 2, follower_teeth=self.follower_teeth, stages=pairs)
 
     def machine(self) -> Rig:
-        """The rig, with a load that is inertia alone."""
+        """The rig, with a pure inertia as load."""
         motors = {
             "torque_constant": self.supply_voltage / (self.motor_speed * 2.0 * np.pi / 60.0),
             "supply_voltage": self.supply_voltage,
@@ -76,7 +76,7 @@ class Envelope:
 
     Attributes:
         load: (B,) load torques [N m].
-        formula: (B, 2) speed [rad/s] with both motors pushing, and with one pushing while the other holds its flank.
+        formula: (B, 2) speed [rad/s] with both motors driving, and with one driving while the other preloads.
         measured: (B, 2) the same on the rig.
     """
 
@@ -86,12 +86,12 @@ class Envelope:
 
     @property
     def largest_difference(self) -> float:
-        """Between rig and formula [rad/s]."""
+        """Largest difference between rig and formula [rad/s]."""
         return float(np.max(np.abs(self.measured - self.formula)))
 
 
 def envelope(settings: GearTrainSettings) -> Envelope:
-    """Measure the rig and calculate the same: sum of stall_i - D_i w - friction = load, from U = R i + k w.
+    """Measure the envelope on the rig and by formula: sum of stall_i - D_i w - friction = load, from U = R i + k w.
 
     Raises:
         BadParameter: a load that the motors cannot move.
@@ -119,7 +119,7 @@ def envelope(settings: GearTrainSettings) -> Envelope:
 
 
 def run(settings: GearTrainSettings, seed: int) -> Outcome:
-    """Section 3.1 with its numbers checked and its envelope measured."""
+    """Check the numbers of section 3.1 and measure the envelope."""
     gears, rig, found = settings.gears(), settings.machine(), envelope(settings)
     speed = settings.motor_speed * 2.0 * np.pi / 60.0 / gears.ratio
     factors = PAPER_SPEEDS / speed

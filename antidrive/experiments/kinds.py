@@ -1,4 +1,4 @@
-"""The kinds of experiment: what a scenario file names as its `kind`."""
+"""The kinds of experiment, by the `kind` in a scenario file."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ from antidrive.experiments.outcome import Outcome
 
 @dataclass(frozen=True)
 class Kind:
-    """Class of the settings, and what runs them with a seed; what takes long also takes whom to tell how far it is.
+    """Class of the settings, and the function that runs them with a seed; a long one also takes a progress callback.
 
-    What noise moves is run `again` with other seeds, unless it says itself how sure its numbers are.
+    An experiment that depends on noise is repeated `again` times with other seeds, unless it reports its own
+    uncertainty.
     """
 
     settings: type[Any]

@@ -1,4 +1,4 @@
-"""What an experiment found: sentences, numbers beside the paper's, a table and figures."""
+"""Results of an experiment: sentences, numbers compared with the paper's, a table and figures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """One curve of a figure: name, colour, x (T,) and y (T,); as points where it was measured at a few places."""
+    """One curve of a figure: name, colour, x (T,) and y (T,); `points` for values at a few places."""
 
     name: str
     colour: str
@@ -38,12 +38,12 @@ class Picture:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """An experiment told.
+    """Report of an experiment.
 
     Attributes:
-        title: for people.
-        said: what was found, in sentences.
-        comparison: rows of quantity, what the paper prints ("" where it prints nothing), and what was found.
+        title: for users.
+        said: results in sentences.
+        comparison: rows of quantity, the paper's value ("" if it gives none), and the result.
         found: the numbers of summary.json, SI units.
         columns: of trajectory.csv, all of one length.
         pictures: figures of the report.
@@ -57,15 +57,15 @@ class Outcome:
     pictures: Sequence[Picture]
 
     def sentences(self) -> list[str]:
-        """What was found."""
+        """The results in sentences."""
         return list(self.said)
 
     def summary(self) -> dict[str, Any]:
-        """The numbers, as JSON holds them."""
+        """The numbers for JSON."""
         return {"schema": 1, "synthetic": True, **self.found}
 
     def table(self) -> pd.DataFrame:
-        """What was recorded, SI units."""
+        """The recorded signals, SI units."""
         import pandas as pd
 
         return pd.DataFrame(dict(self.columns))

@@ -26,11 +26,11 @@ class PreloadLaws:
     """Laws of the preload p, the torque of each pinion without load, over the follower torque tau.
 
         constant         p is enough for the peak: n p >= |J_L a + tau_L|/2 + n (T_min + f)   (equal split)
-        of equal heat    p such that the heat is that of the least effort
-        load-dependent   p = max(p0 - |tau|/(2 n), 0): high without load, and where load keeps one pair of teeth
-                         together it fades, until both drives share (inverse law of the Deep Space Network's antennas;
+        of equal heat    p such that the heat equals that of least effort
+        load-dependent   p = max(p0 - |tau|/(2 n), 0): high without load; it decreases as the load itself keeps one
+                         mesh in contact, until both drives share (inverse law of the Deep Space Network's antennas;
                          Gawronski et al., IEEE Antennas and Propagation Magazine 42(6), 2000); p0 by its heat
-        least effort     `allocation.least_effort` with every flank held above T_min
+        least effort     `allocation.least_effort` with every flank kept above T_min
 
     Attributes:
         bounds: of the two pinions; n, T_min, the motors' friction f and greatest torque.
@@ -46,7 +46,7 @@ class PreloadLaws:
 
     @classmethod
     def for_demand(cls, bounds: Bounds, torque: Array, acceleration: Array) -> PreloadLaws:
-        """Sized for follower torques (T,) [N m], rotors included, at accelerations (T,) [rad/s^2]."""
+        """Laws sized for follower torques (T,) [N m], rotors included, at accelerations (T,) [rad/s^2]."""
         ratio = float(bounds.gears.mesh_ratios[0])
         rotors = float(np.sum(bounds.rotor_inertias * bounds.gears.motor_ratios**2))
         load = np.max(np.abs(torque - rotors * acceleration))
@@ -67,7 +67,7 @@ class PreloadLaws:
         )
 
     def split(self, law: str, torque: Array, planned: Array) -> Array:
-        """Pinion torques (B, m) [N m] for follower torques (B,) [N m], m = 1 for `ONE`; within the greatest torque.
+        """Pinion torques (B, m) [N m] for follower torques (B,) [N m], m = 1 for `ONE`; clipped to the greatest torque.
 
         Args:
             law: one of `LAWS`.
@@ -86,7 +86,7 @@ class PreloadLaws:
 
 
 def _split(bounds: Bounds, torque: Array, preload: Array) -> Array:
-    """Equation (3), the preload given as torque of the first pinion."""
+    """Equation (3), with the preload as torque of the first pinion."""
     return bounds.gears.split(torque, preload / bounds.gears.null_vector[0])
 
 
@@ -95,6 +95,6 @@ def _faded(bounds: Bounds, torque: Array, full: float) -> Array:
 
 
 def joule(rig: Rig, torques: Array) -> Array:
-    """(...,) heat in the windings [W] of pinion torques (..., m) [N m]: R i^2, i = xi/(r k) behind a reduction r."""
+    """(...,) copper loss [W] of pinion torques (..., m) [N m]: R i^2, i = xi/(r k) with a reduction r."""
     current = torques / (rig.gears.pre_reductions[0] * rig.torque_constant)
     return np.asarray(rig.winding_resistance * np.sum(current**2, axis=-1))

@@ -1,11 +1,11 @@
-"""Preload sizing: the least T_min that keeps contact, found on the rig, beside the formulas of statics.
+"""Preload sizing: the least T_min that keeps contact on the rig, compared with the static formulas.
 
-With p the preload of each drive, seen from the load, and a the acceleration, stiff gears keep contact for
+With p the preload of each drive, at the load side, and a the acceleration, stiff gears keep contact for
 
-    equal split, each motor carrying its own rotor    p >= |J_L a + tau_L|/2 + T_min
+    equal split, each motor accelerates its rotor     p >= |J_L a + tau_L|/2 + T_min
     constant slave, the master does the rest          p >= (J_L + n^2 J) |a| + |tau_L| + f + T_min
 
-with T_min = 0. Elastic teeth, noise that the loop makes into torque, and friction that changes its sense need more.
+with T_min = 0. Elastic gears, encoder noise in the loop's torque, and friction that changes its direction need more.
 """
 
 from __future__ import annotations
@@ -27,9 +27,13 @@ from plant.rig import Rig
 
 STRATEGIES: Final = ("equal split", "constant slave")
 SHARES: Final = np.array([[0.5, 0.5], [0.0, 1.0]])
-"""(2, 2) what drives 1 and 2 take of the follower torque in each strategy."""
-FROM, FASTER, DAMPING = 1.0, 10.0, 0.7  # periods not counted; speed filter over loop; damping ratio of the loop
-_MOST = 200.0  # T_min [N m] beyond which no preload helps
+"""(2, 2) share of the follower torque of drives 1 and 2 in each strategy."""
+FROM, FASTER, DAMPING = (
+    1.0,
+    10.0,
+    0.7,
+)  # periods not counted; speed filter over loop bandwidth; damping ratio
+_MOST = 200.0  # T_min [N m] above which the search stops
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,17 +41,17 @@ class SizingSettings:
     """Motion, machines and loops.
 
     Attributes:
-        title: for people.
+        title: for users.
         frequency: the load follows amplitude (1 - cos) [Hz].
         peak_acceleration: [rad/s^2].
-        periods: how many are played; contact counts after the first.
+        periods: simulated ones; contact counts after the first.
         load_torque: constant torque against the load [N m].
-        stiffnesses: of the teeth [N m/rad].
-        noises: of the motors' angles, standard deviation, seen from the load [rad].
+        stiffnesses: of the gear contact [N m/rad].
+        noises: of the motors' angles, standard deviation, at the load side [rad].
         bandwidths: of the loop over the motors' angles [Hz].
-        damping_ratio: of a rotor on its teeth against the load.
+        damping_ratio: of a rotor on its contact stiffness against the load.
         sample_time: of the loop [s].
-        resolution: to which T_min is found [N m].
+        resolution: of T_min [N m].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
 
@@ -65,7 +69,7 @@ class SizingSettings:
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        """Check what the rig does not check."""
+        """Check the settings that the rig does not check."""
         need_positive(self, "frequency", "peak_acceleration", "periods", "stiffnesses", "bandwidths", "sample_time")
         need_positive(self, "resolution")
         need_samples(self.periods / self.frequency, self.sample_time)
@@ -81,7 +85,7 @@ class SizingSettings:
         self.machine(self.stiffnesses[0], self.noises[0])
 
     def machine(self, stiffness: float, noise: float) -> Rig:
-        """A rig with teeth of a stiffness [N m/rad] and a noise of its motors' angles, seen from the load [rad]."""
+        """A rig with a contact stiffness [N m/rad] and a noise of its motors' angles, at the load side [rad]."""
         plain = Rig.paper_like(**self.rig)
         rotor = float(plain.rotor_inertias[0])
         reduced = rotor * plain.inertia / (rotor + plain.inertia)
@@ -94,7 +98,7 @@ class SizingSettings:
         )
 
     def formulas(self) -> Array:
-        """(2,) preload [N m] that each strategy needs by its formula with T_min = 0."""
+        """(2,) preload [N m] of each strategy by its formula with T_min = 0."""
         rig, a, load = self.machine(self.stiffnesses[0], 0.0), self.peak_acceleration, abs(self.load_torque)
         friction = float(rig.motor_coulomb * rig.motor_ratios[0])
         slave = (rig.inertia + rig.rotor_inertias[0]) * a + load + friction
@@ -103,16 +107,16 @@ class SizingSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sizing:
-    """Over the C combinations of mesh, noise and loop, and the two strategies.
+    """Results over the C combinations of mesh, noise and loop, and the two strategies.
 
     Attributes:
         meshes, noises, bandwidths: (C,) [N m/rad], [rad], [Hz].
         formula: (2,) preload with T_min = 0 [N m].
-        least: (C, 2) least T_min that kept contact [N m]; infinite where none did.
-        noise_torque: (C,) standard deviation of the follower torque that the loop makes of the noise [N m].
+        least: (C, 2) least T_min that kept contact [N m]; infinite if none did.
+        noise_torque: (C,) standard deviation of the follower torque caused by the noise through the loop [N m].
         time: (T,) [s].
-        flanks: (T, 2, 2) lesser flank torque of the middle combination without noise [N m]; strategy, and preload by
-            the formula or as it was found.
+        flanks: (T, 2, 2) smaller flank torque of the middle combination with the least noise [N m]; by strategy, and
+            with the preload of the formula or the least one.
     """
 
     meshes: Array
@@ -131,7 +135,7 @@ class Sizing:
 
 
 def experiment(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Sizing:
-    """Find the least T_min of every combination by bisection, all at once."""
+    """Find the least T_min of all combinations at once by bisection."""
     cells = np.array(list(product(settings.stiffnesses, settings.noises, settings.bandwidths)))
     rigs = [settings.machine(stiffness, noise) for stiffness, noise, _ in cells]
     loop = _Loop(settings, rigs * 2, np.tile(cells[:, 2], 2), np.repeat(SHARES, len(cells), axis=0), seed)
@@ -172,7 +176,7 @@ def _middle(cells: Array) -> int:
 
 
 class _Loop:
-    """B machines under one reversing motion: what each preload leaves of the torque of their flanks."""
+    """B machines under one reversing motion: their flank torques for given preloads."""
 
     def __init__(self, settings: SizingSettings, rigs: list[Rig], bandwidths: Array, shares: Array, seed: int) -> None:
         """Motion, feedforward and gains; shares (B, 2) of the follower torque for each drive."""
@@ -192,7 +196,7 @@ class _Loop:
         self._from = FROM / settings.frequency
 
     def flanks(self, preload: Array) -> Array:
-        """(T, B, 2) least torque of the required flanks in each sample [N m], under preloads (B,) [N m]."""
+        """(T, B, 2) least torque of the required flanks in each sample [N m], for preloads (B,) [N m]."""
         fleet, rig, dt = self._fleet, self._fleet.rigs[0], self._dt
         held = preload[:, None] * rig.senses
         state = fleet.rest(torques=(held + self._shares * self._feed[0]) / rig.torque_map)
@@ -210,12 +214,12 @@ class _Loop:
         return found
 
     def keeps(self, preload: Array) -> NDArray[np.bool_]:
-        """(B,) whether contact is kept under preloads (B,) [N m]."""
+        """(B,) whether contact is kept with preloads (B,) [N m]."""
         counted = self.flanks(preload)[self.time > self._from]
         return np.asarray(np.min(counted, axis=(0, 2)) > 0.0)
 
     def noise_torque(self, noises: Array) -> Array:
-        """(C,) standard deviation of the torque [N m] that the first C loops make of the motors' noises (C,) [rad]."""
+        """(C,) standard deviation of the torque [N m] of the first C loops due to the motors' noises (C,) [rad]."""
         first, mean = slice(0, noises.size), noises / np.sqrt(2.0)
         fresh = (1.0 - self._forgets[first]) / self._dt
         # the filtered difference of white noise: fresh^2 (1 + (1 - a)^2/(1 - a^2)), and its correlation with the noise

@@ -1,4 +1,4 @@
-"""Preload sizing, told."""
+"""Report of the preload sizing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ COLOURS = (BEFORE, SECOND, AFTER, MEASURED)
 
 
 def run(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Outcome:
-    """Least T_min of every mesh, noise and loop, beside the formulas."""
+    """Least T_min of every mesh, noise and loop, compared with the formulas."""
     found = experiment(settings, seed, tell)
     quiet = found.noises == np.min(found.noises)
     equal, slave = found.formula
@@ -107,7 +107,7 @@ def _least(found: Sizing, strategy: int) -> Picture:
 
 
 def _finite(values: Array) -> list[float | None]:
-    """Numbers as JSON has them: none where no preload kept contact."""
+    """Numbers for JSON: None if no preload kept contact."""
     return [float(value) if np.isfinite(value) else None for value in values]
 
 

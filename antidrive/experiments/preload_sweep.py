@@ -1,7 +1,7 @@
-"""A sweep of the preload at standstill, played on many machines at once; what comes out is what a drive would log.
+"""A sweep of the preload at standstill, simulated on many machines at once; the result is a log as of a real drive.
 
-The preload grows and falls evenly between two sizes, first in one sense, then in the other. A loop over the motors'
-encoders holds the load meanwhile, or lets it creep, and knows nothing of the gaps.
+The preload rises and falls linearly between two levels, in alternating directions. Meanwhile a loop over the motors'
+encoders holds the load, or lets it creep; it does not know the backlash.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from plant.fleet import Fleet
 
 Array = NDArray[np.float64]
 
-_FORGETS = 0.8  # of the loop's speed, in a sample
+_FORGETS = 0.8  # forgetting factor per sample of the loop's speed filter
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """How the preload goes.
+    """Time course of the preload.
 
     Attributes:
-        least, greatest: preload of each drive, seen from the load [N m].
-        visit: how long it stays in one sense [s].
-        visits: how many; the sense changes from one to the next.
+        least, greatest: preload of each drive, at the load side [N m].
+        visit: duration in one direction [s].
+        visits: their number; the direction alternates.
         sample_time: [s].
         stiffness, damping: of the loop [N m/rad], [N m s/rad].
     """
@@ -42,7 +42,7 @@ class Sweep:
     damping: float
 
     def preload(self) -> Array:
-        """(T,) preload of each drive [N m], seen from the load."""
+        """(T,) preload of each drive [N m], at the load side."""
         samples = round(self.visit / self.sample_time)
         rise = 1.0 - np.abs(2.0 * np.arange(samples) / samples - 1.0)
         one = self.least + (self.greatest - self.least) * rise
@@ -50,7 +50,7 @@ class Sweep:
 
 
 def logs_of(fleet: Fleet, sweep: Sweep, *, creep: ArrayLike, seed: int, parts: Parts | None = None) -> list[Log]:
-    """One log a machine, of the channels that a drive has; loads creep at (B,) [rad/s]."""
+    """One log per machine, with the channels of a real drive; loads creep at (B,) [rad/s]."""
     rig, preload, dt = fleet.rigs[0], sweep.preload(), sweep.sample_time
     count, drives = len(fleet), len(rig.drives)
     rng = np.random.default_rng(seed)

@@ -1,10 +1,11 @@
-"""The claim of figure 7 of the paper: how long the output stands at a reversal, with one drive and with two.
+"""The claim of figure 7 of the paper: duration of the output's dwell at a reversal, with one drive and with two.
 
-Dwell is the greatest number of successive samples whose readings lie within a band of stated width. A slow reversal has
-some of it without any gap, and dry friction adds more; so each machine is compared with its own twin that has no gap.
+Dwell is the greatest number of successive samples whose measurements lie within a band of given width. A slow reversal
+causes some dwell without any backlash, and dry friction causes more; so each machine is compared with the same machine
+without backlash.
 
-The loop is closed over the motors' encoders, as servo drives have it: there one drive turns back while the load,
-held by friction, waits until the gap is crossed.
+The loop is closed over the motors' encoders, as in servo drives: a single drive reverses while the load, held by
+friction, waits until the backlash is crossed.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from plant.errors import BadParameter
 from plant.fleet import Fleet
 from plant.rig import Rig
 
-PERIODS, FROM = 2.2, 0.3  # how many are played, and from where on dwell counts
-TICKS = 5  # of the loop in a sample
+PERIODS, FROM = 2.2, 0.3  # number of periods, and the instant in periods from which dwell counts
+TICKS = 5  # samples of the loop per output sample
 ONE, PLANNED = "one drive", "both, planned by flank torque"
 
 
@@ -33,15 +34,15 @@ class DwellSettings:
     """Motions, machines and loop.
 
     Attributes:
-        title: for people.
+        title: for users.
         amplitude, frequencies: the load follows amplitude (1 - cos) [rad], [Hz].
-        gaps: free plays [rad]; beside them a machine without.
-        sample_time: of the readings that are counted [s]; the loop is five times as fast.
-        band: width within which the output stands still [rad].
+        gaps: backlashes [rad]; a machine without backlash is added.
+        sample_time: of the measurements that are counted [s]; the loop is five times as fast.
+        band: width within which the output counts as standing still [rad].
         stiffness, damping: of the loop [N m/rad], [N m s/rad].
-        friction_feed: torque fed forward against friction, in the sense of the motion [N m].
+        friction_feed: feed-forward torque against friction, in the direction of the motion [N m].
         preloads: constant ones, of each pinion [N m]; zero is none.
-        min_torque: that the plan keeps on each flank, seen from the pinion [N m].
+        min_torque: minimum torque of each flank in the plan, at the pinion [N m].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
 
@@ -59,7 +60,7 @@ class DwellSettings:
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        """Check what the rig does not check."""
+        """Check the settings that the rig does not check."""
         need_positive(self, "amplitude", "frequencies", "gaps", "sample_time", "band", "stiffness", "damping")
         need_positive(self, "min_torque")
         if min(self.preloads) < 0.0:
@@ -72,28 +73,28 @@ class DwellSettings:
 
     @property
     def strategies(self) -> dict[str, float | None]:
-        """Names, and the constant preload of each that has one [N m]."""
+        """Names, and the constant preload of each, None if it has none [N m]."""
         constant = {
             f"both, preload {preload:g} N m" if preload else "both, no preload": preload for preload in self.preloads
         }
         return {ONE: None, **constant, PLANNED: None}
 
     def machines(self, drives: tuple[int, ...]) -> list[Rig]:
-        """A rig without a gap, and one for each gap."""
+        """A rig without backlash, and one for each backlash."""
         return [Rig.paper_like(**{**self.rig, "drives": drives, "backlash": gap}) for gap in (0.0, *self.gaps)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dwell:
-    """Over F frequencies, S strategies and G machines, the first of which has no gap.
+    """Results over F frequencies, S strategies and G machines, the first one without backlash.
 
     Attributes:
         samples: (F, S, G) dwell [samples].
         error: (F, S, G) rms of load angle less reference [rad].
-        least: (F, S, G) least flank torque [N m], follower side.
+        least: (F, S, G) minimum flank torque [N m], follower side.
         heat: (F, S, G) mean of the sum of xi_i^2 [N^2 m^2].
         time: (T,) of the slowest motion, in samples [s].
-        angle: (T, S, G) load angle as read in it [rad].
+        angle: (T, S, G) measured load angle in it [rad].
         reference: (T,) [rad].
     """
 
@@ -107,14 +108,14 @@ class Dwell:
 
     @property
     def beyond_gapless(self) -> Array:
-        """(F, S, G - 1) dwell beyond that of the machine without a gap [samples]."""
+        """(F, S, G - 1) dwell in excess of that of the machine without backlash [samples]."""
         return self.samples[:, :, 1:] - self.samples[:, :, :1]
 
 
 def dwell(reading: Array, band: float) -> int:
-    """Greatest number of successive readings (T,) whose largest and smallest are at most `band` apart."""
+    """Greatest number of successive measurements (T,) whose largest and smallest differ by at most `band`."""
     longest, first = 0, 0
-    low: deque[int] = deque()  # places of the smallest readings since `first`, rising
+    low: deque[int] = deque()  # places of the smallest measurements since `first`, rising
     high: deque[int] = deque()
     for last, value in enumerate(reading):
         while low and reading[low[-1]] >= value:
@@ -134,7 +135,7 @@ def dwell(reading: Array, band: float) -> int:
 
 
 def experiment(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Dwell:
-    """Play every motion with every strategy on every machine."""
+    """Simulate every motion with every strategy on every machine."""
     parts = Parts(len(settings.strategies) * sum(_ticks(settings, each) for each in settings.frequencies), tell)
     plays = [
         [_played(settings, frequency, way, seed, parts) for way in settings.strategies]
@@ -157,12 +158,12 @@ def experiment(settings: DwellSettings, seed: int, tell: Tell | None = None) -> 
 
 
 def _ticks(settings: DwellSettings, frequency: float) -> int:
-    """Of one motion."""
+    """Loop samples of one motion."""
     return round(PERIODS / frequency * TICKS / settings.sample_time)
 
 
 def _played(settings: DwellSettings, frequency: float, strategy: str, seed: int, parts: Parts) -> dict[str, Array]:
-    """One motion on all machines: PD over the motors' mean angle, with the model's torque and friction fed forward."""
+    """One motion on all machines: PD control of the motors' mean angle, with feed-forward of model and friction."""
     fleet = Fleet(settings.machines((2,) if strategy == ONE else (1, 2)))
     rig, dt = fleet.rigs[0], settings.sample_time / TICKS
     split, w = _split(settings, rig, strategy), 2.0 * np.pi * frequency
@@ -198,12 +199,12 @@ def _played(settings: DwellSettings, frequency: float, strategy: str, seed: int,
 
 
 def _motor_side(fleet: Fleet, motors: Array) -> Array:
-    """(B,) mean of the motors' angles (B, m), seen from the load [rad]."""
+    """(B,) mean of the motors' angles (B, m), at the load side [rad]."""
     return np.asarray(np.mean(motors / -fleet.rigs[0].motor_ratios, axis=1))
 
 
 def _split(settings: DwellSettings, rig: Rig, strategy: str) -> Callable[[Array | float, float], Array]:
-    """What hands follower torques (B,) at an acceleration to the pinions (B, m)."""
+    """Function that allocates follower torques (B,) at an acceleration to the pinions (B, m)."""
     if strategy == ONE:
         return lambda torque, _: np.asarray(torque)[..., None] / rig.torque_map
     constant = settings.strategies[strategy]

@@ -1,4 +1,4 @@
-"""An experiment run again with other noise: what differs from run to run has its standard deviation beside it."""
+"""Repetition of an experiment with other noise: numbers that differ between runs get their standard deviation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SURE = re.compile(r"\s*(?:\+-|±)\s*")
 
 
 def with_scatter(runs: Sequence[Outcome]) -> Outcome:
-    """The first of several runs of one experiment; numbers in its words that the others have otherwise say how much."""
+    """The first of several runs of one experiment; numbers in its text that differ between runs get a ± value."""
     first = runs[0]
     if len(runs) < 2:
         return first
@@ -32,9 +32,9 @@ def with_scatter(runs: Sequence[Outcome]) -> Outcome:
 
 
 def _scattered(texts: Sequence[str]) -> str:
-    """The first of several texts that differ in numbers alone, with ± behind each number that differs.
+    """The first of several texts that differ only in numbers, with a ± value after each number that differs.
 
-    A number that has a ± of its own keeps it; texts that differ in more than numbers are left as the first one is.
+    A number that already has a ± value keeps it; texts that differ otherwise are returned as the first one.
     """
     first = texts[0]
     if len({_NUMBER.sub("", text) for text in texts}) > 1:

@@ -1,4 +1,4 @@
-"""Settings of an experiment from a scenario file, checked to the last key against the fields of their class."""
+"""Settings of an experiment from a scenario file, with every key checked against the fields of their class."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _MOST_SAMPLES = 200_000
 
 
 def read_settings(kind: type[Settings], name: str, content: Mapping[str, Any]) -> Settings:
-    """Settings of a class whose fields are text, numbers, rows of numbers or the table [rig].
+    """Settings of a class whose fields are text, numbers, lists of numbers or the table [rig].
 
     Raises:
-        BadParameter: a key that the class does not have, one that is missing, or a value that it cannot use.
+        BadParameter: an unknown key, a missing one, or a value that cannot be used.
     """
     known = {field.name: field for field in fields(kind)}  # type: ignore[arg-type]
     unknown = sorted(set(content) - set(known) - {"kind"})
@@ -40,7 +40,7 @@ def read_settings(kind: type[Settings], name: str, content: Mapping[str, Any]) -
 
 
 def need_positive(settings: object, *names: str) -> None:
-    """Refuse settings whose numbers of these names are not above zero."""
+    """Raise if one of these numbers is not above zero."""
     for name in names:
         value = getattr(settings, name)
         if not all(each > 0.0 for each in (value if isinstance(value, tuple) else (value,))):
@@ -48,7 +48,7 @@ def need_positive(settings: object, *names: str) -> None:
 
 
 def need_samples(duration: float, sample_time: float) -> None:
-    """Refuse a duration that is no sensible number of samples."""
+    """Raise for a duration that is too few or too many samples."""
     if not 10 <= duration / sample_time <= _MOST_SAMPLES:
         raise BadParameter(f"duration must be between 10 and {_MOST_SAMPLES} samples of sample_time.")
 

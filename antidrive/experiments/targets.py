@@ -1,4 +1,4 @@
-"""Moving targets for a camera: where it has to look, from rest at angle zero, within a span and an acceleration."""
+"""Moving targets for a camera: reference angles that start at rest at angle zero, within a span and an acceleration."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from scipy.signal import lfilter
 from antidrive.experiments.outcome import Array
 
 FADE_IN = 1.5
-"""Time over which a target leaves its rest [s]; errors count from then on."""
+"""Time over which a target fades in from rest [s]; errors count after it."""
 
 HOLD, MOVE = 2.5, 1.6
-"""A stepping target stays for the first time altogether and moves for the second one of it [s]."""
+"""Period of a stepping target, and the part of it in which it moves [s]."""
 
 WALK_BAND = 0.2
-"""Corner of the filter behind which a random walk is smooth enough to be followed [Hz]."""
+"""Cut-off frequency of the low pass that makes a random walk smooth enough to follow [Hz]."""
 
 
 def _smooth(time: Array, rng: np.random.Generator) -> Array:
-    """Three sines of random phase: it reverses again and again."""
+    """Three sines of random phase, with many reversals."""
     sines = zip((1.0, 0.5, 0.25), (0.1, 0.2, 0.4), rng.uniform(0.0, 2.0 * np.pi, 3), strict=True)
     waves = [a * np.sin(2.0 * np.pi * f * time + phase) for a, f, phase in sines]
     return np.asarray(np.sum(waves, axis=0) * _risen(time))
 
 
 def _stepping(time: Array, rng: np.random.Generator) -> Array:
-    """From one random level to the next with the least jerk, and a rest."""
+    """Minimum-jerk moves between random levels, each with a rest."""
     levels = np.append(0.0, rng.uniform(-1.0, 1.0, int(time[-1] / HOLD) + 2))
     place = (time / HOLD).astype(int)
     share = np.clip((time - place * HOLD) / MOVE, 0.0, 1.0)
@@ -35,8 +35,8 @@ def _stepping(time: Array, rng: np.random.Generator) -> Array:
 
 
 def _walking(time: Array, rng: np.random.Generator) -> Array:
-    """White noise behind three equal lags: a random walk on short times that stays near the middle on long ones."""
-    lead = round(3.0 / (WALK_BAND * time[1]))  # until the lags have forgotten their start
+    """White noise through three equal lags: a random walk over short times, bounded over long ones."""
+    lead = round(3.0 / (WALK_BAND * time[1]))  # until the initial transient of the lags has decayed
     pole = np.exp(-2.0 * np.pi * WALK_BAND * time[1])
     walk = rng.standard_normal(lead + time.size)
     for _ in range(3):
@@ -56,9 +56,9 @@ def target(kind: str, time: Array, seed: int, *, span: float, acceleration: floa
 
     Args:
         kind: one of `TARGETS`.
-        time: (T,) evenly spaced from zero [s].
+        time: (T,) equally spaced from zero [s].
         seed: of phases, levels or noise.
-        span: it stays within half of it on either side [rad].
+        span: the angle stays within half of it on either side [rad].
         acceleration: greatest one [rad/s^2].
     """
     path = TARGETS[kind](time, np.random.default_rng(seed))
@@ -67,7 +67,7 @@ def target(kind: str, time: Array, seed: int, *, span: float, acceleration: floa
 
 
 def least_jerk(share: Array) -> Array:
-    """From 0 to 1 over a share of the way in time, at rest at both ends (Flash and Hogan 1985)."""
+    """Minimum-jerk course from 0 to 1 over a fraction of the duration, at rest at both ends (Flash and Hogan 1985)."""
     return np.asarray(share**3 * (10.0 - 15.0 * share + 6.0 * share**2))
 
 

@@ -1,7 +1,7 @@
-"""Section 4 of the paper: three steps of torque, three steady speeds, and an alpha that is wrong by a factor of 100.
+"""Section 4 of the paper: three torque steps, three steady speeds, and an alpha that is wrong by a factor of 100.
 
-The angles that the table calls averages in degrees are those of one instant in radians, and what it calls steady still
-accelerates. Each of the two is taken away here on its own, then both; and alpha is found from the same data.
+The table's "average angles in degrees" are angles at one instant in radians, and its "steady" state still accelerates.
+Each error is removed separately, then both; and alpha is estimated from the same data.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from plant.simulation import simulate
 
 @dataclass(frozen=True, kw_only=True)
 class ThreeStepsSettings:
-    """Equation (6), the paper's table, and how it was read.
+    """Equation (6), the paper's table, and its conditions.
 
     Attributes:
-        title: for people.
+        title: for users.
         inertia, gravity, viscous_friction: J, alpha, K of eq. (6) [kg m^2], [N m], [N m s/rad].
         dead_zone: gamma of eq. (6) [N m].
         torques: (3,) of the steps [N m].
-        printed_speeds, printed_angles: (3,) the table: speeds [rad/s], and angles as it prints them, "deg".
-        instant: when the readings were taken [s].
+        printed_speeds, printed_angles: (3,) the table: speeds [rad/s], and angles as printed, "deg".
+        instant: time of the table's values [s].
         duration, sample_time: of the experiment [s].
-        noise: of the angle that our fit sees, standard deviation [rad].
+        noise: of the angle in our fit, standard deviation [rad].
     """
 
     title: str
@@ -51,7 +51,7 @@ class ThreeStepsSettings:
     noise: float
 
     def __post_init__(self) -> None:
-        """Check what the model does not check."""
+        """Check the settings that the model does not check."""
         need_positive(self, "duration", "sample_time", "torques")
         need_samples(self.duration, self.sample_time)
         if not len(self.torques) == len(self.printed_speeds) == len(self.printed_angles) == 3:
@@ -70,18 +70,18 @@ class ThreeStepsSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ThreeSteps:
-    """What the experiment gives. A solution is (alpha, K, gamma) [N m], [N m s/rad], [N m].
+    """Results. A solution is (alpha, K, gamma) [N m], [N m s/rad], [N m].
 
     Attributes:
         time: (T,) [s].
         angle, speed: (T, 3) [rad], [rad/s].
-        angles, speeds: (3,) at the instant of the readings.
+        angles, speeds: (3,) at the instant of the table.
         inertia_torque: (3,) J x'' at that instant [N m].
-        printed: solution of eq. (8) as the paper has it, from its own table.
-        in_radians: with the angles taken for what they are.
-        not_steady: with J x'' taken along, but the angles in degrees.
+        printed: solution of eq. (8) from the paper's own table.
+        in_radians: with the angles in radians.
+        not_steady: with J x'' included, but the angles in degrees.
         both: with radians and J x''.
-        table_fit: solution, and the instant [s], that agree best with the six printed numbers.
+        table_fit: solution, and instant [s], with the best fit to the six printed numbers.
         table_std: (4,) its standard deviations.
         ours, ours_std: fit to the three trajectories with noise.
         speeds_agree_at: (K,) times [s] at which all three speeds round to the printed ones.
@@ -105,7 +105,7 @@ class ThreeSteps:
 
 
 def experiment(settings: ThreeStepsSettings, seed: int) -> ThreeSteps:
-    """Simulate eq. (6) from rest at angle zero and solve eq. (8) in every way."""
+    """Simulate eq. (6) from rest at angle zero and solve eq. (8) in all variants."""
     torques, printed_speeds = np.array(settings.torques), np.array(settings.printed_speeds)
     shown = np.array(settings.printed_angles)
     time, angle, speed = _motion(settings.model(), settings)
@@ -151,9 +151,10 @@ def _motion(model: ServoModel, settings: ThreeStepsSettings) -> tuple[Array, Arr
 
 
 def _table_fit(settings: ThreeStepsSettings) -> tuple[Array, Array]:
-    """(alpha, K, gamma, instant) from the six printed numbers alone, J known, from rest; with standard deviations.
+    """(alpha, K, gamma, instant) from the six printed numbers only, J known, from rest; with standard deviations.
 
-    Angles count to their last digit, speeds to 0.02 rad/s: closer they do not agree with any instant of the angles.
+    Tolerances are half the last digit for angles and 0.02 rad/s for speeds: with a smaller one the speeds agree with no
+    instant of the angles.
     """
     size = np.concatenate(([_digit(a) for a in settings.printed_angles], np.full(3, 0.02)))
     printed = np.concatenate((settings.printed_angles, settings.printed_speeds))
@@ -178,7 +179,7 @@ def _table_fit(settings: ThreeStepsSettings) -> tuple[Array, Array]:
 
 
 def _digit(number: float) -> float:
-    """One half of the last printed digit."""
+    """Half of the last printed digit."""
     return 0.5 * 10.0 ** -len(repr(number).partition(".")[2])
 
 
@@ -198,7 +199,7 @@ def _trajectory_fit(settings: ThreeStepsSettings, time: Array, angle: Array, see
 
 
 def run(settings: ThreeStepsSettings, seed: int) -> Outcome:
-    """Section 4 repeated, and told."""
+    """Repeat section 4 and report it."""
     found = experiment(settings, seed)
     ripple = np.sqrt(2.0) * np.std(found.speed[found.time > 0.7 * settings.duration], axis=0)
     alpha, instant = found.table_fit[0], found.table_fit[3]

@@ -1,4 +1,4 @@
-"""Logs of servos that nobody chose: drawn from a seed, simulated by equations of their own."""
+"""Logs of randomly drawn servos: drawn from a seed, simulated with independent equations."""
 
 from __future__ import annotations
 

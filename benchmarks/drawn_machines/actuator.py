@@ -1,8 +1,8 @@
-"""From the command that is held to the torque that turns the motor, link by link.
+"""From the held command to the motor torque, link by link.
 
-A link with memory answers a constant input in closed form: at the start of a step, for its middle, and at its end, so
-that Simpson's rule over the three finds the exact mean. Short lags and steep ramps need no short steps. What a link
-adds to what enters it is what the effect of its name is worth.
+A link with memory has a closed-form response to a constant input: at the start of a step, for its middle, and at its
+end, so that Simpson's rule over the three gives the exact mean. Short lags and steep ramps need no short steps. The
+torque of an effect is the output of its link less the input.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Values = Mapping[str, float]
 
 @dataclass
 class Link:
-    """A law without memory: torque that enters, speed of the motor -> torque that leaves [N m]."""
+    """A static law: input torque, speed of the motor -> output torque [N m]."""
 
     name: str
     law: Callable[[float, float], float]
@@ -24,14 +24,14 @@ class Link:
 
 @dataclass
 class Memory:
-    """A link whose state is what leaves it; `course` is that at the start of a step, for its middle and at its end."""
+    """A link whose state is its output; `course`: output at the start, for the middle and at the end of a step."""
 
     name: str
     state: float = 0.0
     course: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def follow(self, entering: float, h: float) -> float:
-        """Go on by `h` under a constant input; the mean of what leaves."""
+        """Advance by `h` under a constant input; return the mean output."""
         before = self.state
         mean = self._advance(entering, h)
         self.course = (before, 1.5 * mean - 0.25 * (before + self.state), self.state)
@@ -78,7 +78,7 @@ def _clipped(limit: float) -> Callable[[float, float], float]:
 def links_of(
     effects: Mapping[str, Values], dead_zone: float, current_lag: float
 ) -> tuple[list[Memory], list[Link | Memory]]:
-    """The links before a position servo's law, and those behind it, in the order in which the torque meets them."""
+    """The links before a position servo's law, and those after it, in signal order."""
     before: list[Memory] = []
     behind: list[Link | Memory] = []
     if "goal_rate_limit" in effects:
@@ -104,9 +104,10 @@ def links_of(
 
 @dataclass
 class Actuator:
-    """The drive: a torque that is commanded, or the law kp (goal - angle) - kd velocity of a position servo.
+    """The drive: a torque command, or the law kp (goal - angle) - kd velocity of a position servo.
 
-    added: what each link has added since it was last asked, times its duration [N m s].
+    Attributes:
+        added: time integral of the torque that each link has added since the last reset [N m s].
     """
 
     before: list[Memory]
@@ -117,12 +118,12 @@ class Actuator:
     held: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def begin(self, command: float) -> None:
-        """An inner goal begins at the first set-point; everything else begins without torque."""
+        """Set an internal set-point to the first command; all other links start at zero torque."""
         for link in self.before:
             link.state = command
 
     def follow(self, command: float, angle: float, velocity: float, speed: float, h: float) -> float:
-        """Go on by `h` under a command that is held, of a load and a motor that move so in the middle; mean torque."""
+        """Advance by `h` under a held command, for the motion in the middle of the step; return the mean torque."""
         self.held, torque = (command,) * 3, command
         for link in self.before:
             mean = link.follow(torque, h)
@@ -137,7 +138,7 @@ class Actuator:
         return torque
 
     def torque(self, part: int, angle: float, velocity: float, speed: float) -> float:
-        """Torque at the start (0), in the middle (1) or at the end (2) of the step that was followed."""
+        """Torque at the start (0), in the middle (1) or at the end (2) of the last step."""
         torque = self.held[part]
         if self.kp:
             torque = self.kp * (torque - angle) - self.kd * velocity

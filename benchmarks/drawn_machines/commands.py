@@ -1,6 +1,6 @@
-"""What a servo is asked to do: six kinds of command, as a shape of size one over the samples.
+"""Commands of a servo: six kinds, as signals of unit amplitude over the samples.
 
-frequency: the fastest part of the motion that matters, times the sample time [-]; all shapes scale with it.
+frequency: highest relevant frequency of the motion times the sample time [-]; all signals scale with it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Shape = Callable[[np.random.Generator, int, float], Array]
 
 
 def chirp(rng: np.random.Generator, n: int, frequency: float) -> Array:
-    """Sweeps up or down, one to four of them."""
+    """One to four sweeps, up or down."""
     sweeps = int(rng.integers(1, 5))
     low, high = max(frequency * rng.uniform(0.05, 0.3), 2.0 * sweeps / n), frequency * rng.uniform(1.0, 2.5)
     along = (np.arange(n) * sweeps / n) % 1.0
@@ -41,7 +41,7 @@ def binary(rng: np.random.Generator, n: int, frequency: float) -> Array:
 
 
 def staircase(rng: np.random.Generator, n: int, frequency: float) -> Array:
-    """Levels that are held, up and down in order or at random."""
+    """Held levels, up and down in order or at random."""
     hold = max(5, min(round(rng.uniform(1.0, 5.0) / frequency), n // 8))
     count = n // hold + 1
     if rng.random() < 0.5:
@@ -54,7 +54,7 @@ def staircase(rng: np.random.Generator, n: int, frequency: float) -> Array:
 
 
 def moves(rng: np.random.Generator, n: int, frequency: float) -> Array:
-    """Smooth moves from point to point with a rest after each."""
+    """Smooth point-to-point moves with a rest after each."""
     pieces: list[Array] = [np.zeros(max(2, round(0.2 / frequency)))]
     here, length = 0.0, pieces[0].size
     while length < n:
@@ -67,7 +67,7 @@ def moves(rng: np.random.Generator, n: int, frequency: float) -> Array:
 
 
 def slow(rng: np.random.Generator, n: int, frequency: float) -> Array:
-    """Slow triangles, or speeds that are held and then changed: where friction sticks and slips."""
+    """Slow triangles, or held speeds that change: with stick and slip."""
     half = min(round(rng.uniform(2.0, 8.0) / frequency), n // 6)
     if rng.random() < 0.5:
         return np.abs((np.arange(n) / half + 1.5) % 2.0 - 1.0) * 2.0 - 1.0
@@ -89,7 +89,7 @@ KINDS: dict[str, Shape] = {
 
 
 def smoothed(wave: Array, frequency: float) -> Array:
-    """A reference that a loop can follow: jumps take a quarter of the shortest period."""
+    """A reference that a loop can follow: steps take a quarter of the shortest period."""
     decay = float(np.exp(-2.0 * np.pi * 2.0 * frequency))
     once, _ = lfilter([1.0 - decay], [1.0, -decay], wave, zi=[decay * wave[0]])
     twice, _ = lfilter([1.0 - decay], [1.0, -decay], once, zi=[decay * once[0]])
@@ -97,7 +97,7 @@ def smoothed(wave: Array, frequency: float) -> Array:
 
 
 def pushes(rng: np.random.Generator, n: int, frequency: float) -> Array:
-    """The torque of moves without a loop: a push, a brake, a rest."""
+    """The torque of moves without a loop: accelerate, brake, rest."""
     pieces: list[Array] = []
     length = 0
     while length < n:

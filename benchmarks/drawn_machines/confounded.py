@@ -1,8 +1,8 @@
-"""Names that say the same on a log: which may stand for which, and why.
+"""Confounded effects: which effects are equivalent on a log, and why.
 
-A line of the table says that a set of names may stand for an effect; whether it does on a log is measured: the effect
-must show less than a telling lambda beyond the columns of that set. Only pairs of the table are ever asked, so that no
-name passes because something fits by luck.
+A line of the table says that a set of effects may be equivalent to an effect; whether it is on a log is measured: the
+effect must have less than a detectable lambda beyond the regressors of that set. Only pairs of the table are tested, so
+that no effect is accepted because of a chance fit.
 """
 
 from __future__ import annotations
@@ -57,11 +57,11 @@ HOLD = {
     "torque_offset": (("cable_stiffness",),),
     "goal_rate_limit": (("rate_limit",),),
 }
-"""Names that hold another as a special case, on every log; whether they say more than that is asked where it counts."""
+"""Effects with another one as a special case, on every log; whether they add more is tested in the scoring."""
 
 
 def alike(name: str, effects: Mapping[str, object], seen: Seen) -> tuple[tuple[str, ...], ...]:
-    """The sets of names that say on a log what an effect of it says."""
+    """The sets of effects that are equivalent to an effect on a log."""
     found = []
     for true, told, _ in TABLE:
         if true != name or any(one in effects for one in told):
@@ -76,12 +76,12 @@ def alike(name: str, effects: Mapping[str, object], seen: Seen) -> tuple[tuple[s
 
 
 def left_out_with(name: str, alike_here: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
-    """What has to be no candidate, so that nothing that is one says the same."""
+    """Effects to exclude, so that no candidate is equivalent to an effect."""
     return tuple(dict.fromkeys((name, *(told[0] for told in alike_here))))
 
 
 def _columns(told: str, seen: Seen) -> Array | None:
-    """(T, m) what a name can add along a log, over several shapes where it has one."""
+    """(T, m) regressors of an effect along a log, for several values of its nonlinear parameters."""
     b = seen.moved
     sign, x = np.sign(b.velocity), b.angle
     bend = (x - x.mean()) / max(b.span, 1e-300)
@@ -106,7 +106,7 @@ def _columns(told: str, seen: Seen) -> Array | None:
 
 
 def _dry(seen: Seen) -> Array:
-    """Dry friction of one level as it acted, or as it would by the direction."""
+    """Dry friction of one level as it acted, or by the direction of motion."""
     asymmetric = seen.machine.effects.get("asymmetric_friction")
     if asymmetric:
         return seen.worth["asymmetric_friction"] + 0.5 * (asymmetric["forward"] - asymmetric["backward"])
@@ -120,7 +120,7 @@ def _dry(seen: Seen) -> Array:
 
 
 def _contact(seen: Seen, travel: float) -> Array:
-    """Dahl's friction of level one that gives over a travel."""
+    """Dahl's friction of level one that slides after a travel."""
     parts = []
     for angle in seen.by_run(seen.moved.angle):
         state, force = 0.0, np.empty(angle.size)
@@ -134,7 +134,7 @@ def _contact(seen: Seen, travel: float) -> Array:
 
 
 def _waves(told: str, seen: Seen) -> Array | None:
-    """The wave over the angle, or over time, that is nearest to the hidden one."""
+    """The wave over the angle, or over time, that is nearest to the hidden effect."""
     b, effects = seen.moved, seen.machine.effects
     over = b.angle if told == "cogging" else b.time
     if told == "cogging" and ("gravity_offset" in effects or "cable_stiffness" in effects):
@@ -151,7 +151,7 @@ def _waves(told: str, seen: Seen) -> Array | None:
 
 
 def _late(told: str, seen: Seen) -> Array | None:
-    """What a lag or a dead time takes away and brings later, for several times."""
+    """Influence of a lag or a dead time on the torque, for several times."""
     effects, dt = seen.machine.effects, seen.moved.sample_time
     if told not in ("input_delay", "actuator_lag", "sensor_lag"):
         return None
@@ -163,7 +163,7 @@ def _late(told: str, seen: Seen) -> Array | None:
 
 
 def _delayed(seen: Seen, samples: float) -> Array:
-    """What a dead time adds to the command [N m]."""
+    """Torque that a dead time adds to the command [N m]."""
     parts = seen.by_run(seen.commanded)
     places = [np.arange(part.size) for part in parts]
     return np.concatenate([np.interp(k - samples, k, u) - u for k, u in zip(places, parts, strict=True)])

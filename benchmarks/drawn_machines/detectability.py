@@ -1,8 +1,8 @@
-"""How plainly a log shows an effect: lambda, from its torque over the noise and what has no name.
+"""Detectability of an effect in a log: lambda, from its torque relative to the noise and the unmodelled torque.
 
-Rough on purpose, and with nothing of the product: torques of one sample each, in frequency, over the spectrum that
-white noise of the reading makes as a torque, and that of the rest; beyond inertia, gravity, viscous
-friction and everything else that is in the log.
+It is approximate and uses no code of the diagnosis. Torques of the samples are compared in the frequency domain, with
+the spectrum of white measurement noise as a torque and that of the unmodelled torque; inertia, gravity, viscous
+friction and all other effects of the log are projected out.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from drawn_machines.hidden import Basis
 from drawn_machines.motion import Array, Motion
 from drawn_machines.servo import Machine
 
-TELLING = 60.0  # lambda from which a name is expected, of one effect over a catalogue
+TELLING = 60.0  # lambda from which an effect of the catalogue should be detected
 
-FLOOR = 1e-4  # of the torque: white noise that no calculation is finer than
+FLOOR = 1e-4  # fraction of the torque: white noise at the level of numerical errors
 
 
 class Seen:
-    """Torques along a log, (T,) each, with what they stand out from."""
+    """Torques along a log, (T,) each, and the noise for their detectability."""
 
     def __init__(self, machine: Machine, moved: Basis, motions: list[Motion], torque_noise: float) -> None:
         self.machine, self.moved = machine, moved
@@ -35,15 +35,15 @@ class Seen:
         self.commanded = command * machine.kp if machine.kp else command
         if "encoder_eccentricity" in machine.effects:
             self.worth["encoder_eccentricity"] = self._as_torque(error)
-        for name in {"sensor_lag", "actuator_lag"} & set(machine.effects):  # in series with a linear machine: the same
+        for name in {"sensor_lag", "actuator_lag"} & set(machine.effects):  # equivalent in series with a linear plant
             self.worth[name] = self.lagged(machine.effects[name]["time_constant"] / moved.sample_time)
 
     def by_run(self, values: Array) -> list[Array]:
-        """Values (T, ...) run by run."""
+        """Split values (T, ...) by run."""
         return np.split(values, np.cumsum(self.lengths)[:-1])
 
     def lagged(self, samples: float) -> Array:
-        """What a first-order lag adds to the command [N m]."""
+        """Torque that a first-order lag adds to the command [N m]."""
         keep = float(np.exp(-1.0 / samples))
         parts = [
             lfilter([1.0 - keep], [1.0, -keep], part, zi=[keep * part[0]])[0] - part
@@ -52,7 +52,7 @@ class Seen:
         return np.concatenate(parts)
 
     def _as_torque(self, error: Array) -> Array:
-        """The torque that an error of the reading looks like."""
+        """The torque equivalent to a measurement error."""
         dt, parts = self.moved.sample_time, []
         for part in self.by_run(error):
             rate = np.gradient(part, dt)
@@ -61,7 +61,7 @@ class Seen:
 
     @cached_property
     def _weights(self) -> list[Array]:
-        """One over the standard deviation of the noise, frequency by frequency, run by run."""
+        """Inverse standard deviation of the noise, by frequency and run."""
         dt, found = self.moved.sample_time, []
         for rest in self.by_run(self.worth["rest"]):
             n = rest.size
@@ -76,7 +76,7 @@ class Seen:
         return found
 
     def whitened(self, columns: Array) -> Array:
-        """(F, m) columns (T, m) as they stand out from the noise."""
+        """(F, m) whitened columns (T, m)."""
         parts = []
         for part, weight in zip(self.by_run(columns), self._weights, strict=True):
             window = np.hanning(part.shape[0])[:, None] * np.sqrt(8.0 / 3.0)
@@ -85,7 +85,7 @@ class Seen:
         return np.concatenate(parts)
 
     def base(self, but: str) -> Array:
-        """(T, m) what a model has beside one effect: the rigid body and the other effects."""
+        """(T, m) regressors of a model without one effect: the rigid body and the other effects."""
         b = self.moved
         others = [self.worth[name] for name in self.machine.effects if name != but]
         return np.column_stack((b.acceleration, np.cos(b.angle), b.velocity, *others))

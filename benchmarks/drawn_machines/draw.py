@@ -1,4 +1,4 @@
-"""A randomly drawn log: machine, drive, sensor, command, what is hidden and what has no name, all from one seed."""
+"""A randomly drawn log: machine, drive, sensor, command, hidden effects and unmodelled torque, all from one seed."""
 
 from __future__ import annotations
 
@@ -16,18 +16,21 @@ from drawn_machines.unmodelled_torque import drawn_rest
 
 RATES = (50.0, 100.0, 125.0, 200.0, 250.0, 400.0, 500.0, 1000.0, 2000.0, 4000.0)  # [Hz]
 LOOPS = {"open": 0.45, "closed": 0.28, "closed, current": 0.15, "position servo": 0.12}
-RESTS = (0.0, 0.003, 0.01, 0.03)  # rms of what has no name, of the torque's
+RESTS = (0.0, 0.003, 0.01, 0.03)  # rms of the unmodelled torque, relative to that of the torque
 HOW_MANY = {0: 0.15, 1: 0.5, 2: 0.28, 3: 0.07}
 ATTEMPTS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """What is drawn before anything moves.
+    """Settings that are drawn before the simulation.
 
-    fastest: of the motion [rad/s]; speed: rms that it should have [rad/s].
-    noise: of a reading before rounding, count: step of the encoder [rad].
-    clock: "even", or 1 % scatter of the "stamps" alone or of the "instants" too.
+    Attributes:
+        fastest: highest frequency of the motion [rad/s].
+        speed: intended rms speed [rad/s].
+        noise: of a measurement before rounding [rad].
+        count: step of the encoder [rad].
+        clock: "even", or 1 % scatter of the "stamps" alone or of the "instants" too.
     """
 
     kind: str
@@ -49,7 +52,7 @@ class Setting:
 
 
 def drawn_setting(rng: np.random.Generator) -> Setting | None:
-    """Machine, drive and sensor; None where they do not go together."""
+    """Machine, drive and sensor; None if they do not fit together."""
     total = int(np.exp(rng.uniform(np.log(2000), np.log(20000))))
     runs = int(rng.choice([1, 2, 3], p=[0.6, 0.25, 0.15]))
     inertia = 10.0 ** rng.uniform(-5.0, 1.0)
@@ -62,7 +65,7 @@ def drawn_setting(rng: np.random.Generator) -> Setting | None:
         return None
     loop = str(rng.choice(list(LOOPS), p=list(LOOPS.values())))
     torque = inertia * push
-    swing = 2.5 * fastest if loop == "open" else 0.3 * rate  # of the load as a pendulum, at most [rad/s]
+    swing = 2.5 * fastest if loop == "open" else 0.3 * rate  # greatest frequency of the load as a pendulum [rad/s]
     weight = min(torque * 10.0 ** rng.uniform(-1.0, 0.5), inertia * swing**2)
     machine = Machine(
         inertia=inertia,
@@ -92,7 +95,7 @@ def drawn_setting(rng: np.random.Generator) -> Setting | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Runs:
-    """Commands, clocks and beginnings of the runs of a log."""
+    """Commands, clocks and initial angles of the runs of a log."""
 
     times: tuple[Array, ...]
     shapes: tuple[Array, ...]
@@ -101,7 +104,7 @@ class Runs:
     scale: float
 
     def law(self, place: int) -> Law:
-        """What commands the machine in a run."""
+        """The command law of the machine in a run."""
         wanted = self.scale * self.shapes[place]
         if self.loop is None:
             values = wanted.tolist()
@@ -109,7 +112,7 @@ class Runs:
         return self.loop.law(self.begins[place] + wanted)
 
     def played(self, machine: Machine, noise: list[Array], count: float, substeps: int) -> list[Motion]:
-        """All runs."""
+        """Simulate all runs."""
         return [
             play(machine, self.law(i), times, self.begins[i], noise=noise[i], count=count, substeps=substeps)
             for i, times in enumerate(self.times)
@@ -117,7 +120,7 @@ class Runs:
 
 
 def drawn_runs(rng: np.random.Generator, s: Setting) -> Runs:
-    """Commands of one kind, a different one for each run, on a clock that goes on between them."""
+    """Commands of one kind, different for each run, on a clock that continues between them."""
     dt, unit = s.sample_time, s.fastest * s.sample_time / (2.0 * np.pi)
     times, shapes, begins = [], [], []
     begin = 0.0
@@ -140,7 +143,7 @@ def drawn_runs(rng: np.random.Generator, s: Setting) -> Runs:
 
 
 def _pushed(s: Setting, runs: Runs) -> Runs:
-    """The torque that gives the speed that was drawn, found in three trials of the first samples."""
+    """Scale the torque for the drawn speed, in three trials of the first samples."""
     scale = s.machine.inertia * s.speed * s.fastest
     short = slice(0, min(3000, s.samples[0]))
     trial = replace(
@@ -156,7 +159,7 @@ def _pushed(s: Setting, runs: Runs) -> Runs:
 
 
 def basis_of(s: Setting, machine: Machine, motions: list[Motion]) -> Basis:
-    """The motion without effects, as effects are scaled to it."""
+    """The motion without effects, to which effects are scaled."""
 
     def joined(name: str) -> Array:
         return np.concatenate([getattr(motion, name) for motion in motions])
@@ -180,7 +183,7 @@ def basis_of(s: Setting, machine: Machine, motions: list[Motion]) -> Basis:
 
 
 def with_hidden(rng: np.random.Generator, s: Setting, machine: Machine, basis: Basis) -> Machine:
-    """The machine with hidden effects and with what has no name, of the size that was drawn."""
+    """The machine with hidden effects and with unmodelled torque of the drawn size."""
     current = "current" in s.loop
     effects = drawn_effects(rng, basis, slow=s.kind == "slow", measured=current, count=s.effects)
     machine = replace(machine, effects=effects)
@@ -200,7 +203,7 @@ def with_hidden(rng: np.random.Generator, s: Setting, machine: Machine, basis: B
 
 
 def _swung(torque: Array, frequency: float, damping: float, dt: float) -> Array:
-    """A torque behind a resonance."""
+    """A torque after a resonance."""
     system = ([frequency**2], [1.0, 2.0 * damping * frequency, frequency**2])
     b, a, _ = cont2discrete(system, dt, method="zoh")
     return np.asarray(lfilter(b.ravel(), a, torque))

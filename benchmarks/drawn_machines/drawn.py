@@ -1,4 +1,4 @@
-"""What a seed gives: the log, and the truth about it.
+"""The log of a seed, and the truth about it.
 
 from drawn_machines import drawn
 d = drawn(3); d.log, d.truth, d.exclude
@@ -24,22 +24,23 @@ from drawn_machines.servo import Machine
 if TYPE_CHECKING:
     from identification.log import Log
 
-LEFT_OUT = 0.2  # share of the logs with an effect in which one is no candidate
+LEFT_OUT = 0.2  # share of the logs with an effect in which one effect is no candidate
 NO_TORQUE = {
     *("input_delay", "actuator_lag", "rate_limit", "goal_rate_limit"),
     *("compliance", "backlash", "encoder_eccentricity", "sensor_lag"),
 }
-"""Effects that change how a torque arrives or how the angle is read, and add none."""
+"""Effects that change the transmission of the torque or the measurement of the angle, and add no torque."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hidden:
     """One hidden effect.
 
-    size: rms of the torque that a model without it misses along the log [N m]; rms: the same, None where the effect
-        itself is no torque.
-    visible: lambda, about twice the log-likelihood that the log holds for it beside everything else in it.
-    alike: sets of names of which each says the same on this log.
+    Attributes:
+        size: rms of the torque that a model without it lacks along the log [N m].
+        rms: the same, None if the effect itself is no torque.
+        visible: lambda, about twice the gain in log-likelihood of the log for it, given all other effects.
+        alike: sets of effects that are each equivalent to it on this log.
     """
 
     name: str
@@ -54,8 +55,13 @@ class Hidden:
 class Drawn:
     """A drawn log.
 
-    truth: what is hidden. left_out: which of it is no candidate, and exclude: all names that are none.
-    level: rms of the torque; rest: rms of what has no name [N m]. channels: of the log, by the contract's names.
+    Attributes:
+        truth: hidden effects.
+        left_out: the hidden effect that is no candidate.
+        exclude: names of all effects that are no candidates.
+        level: rms of the torque [N m].
+        rest: rms of the unmodelled torque [N m].
+        channels: of the log, by the names of the log contract.
     """
 
     seed: int
@@ -75,7 +81,7 @@ class Drawn:
 
     @cached_property
     def log(self) -> Log:
-        """As the product reads it."""
+        """The log as antidrive reads it."""
         from identification.log import Log
 
         return Log.from_arrays(label=f"seed {self.seed}", **self.channels, **self.gains)
@@ -86,7 +92,7 @@ class Drawn:
 
 
 def drawn(seed: int, folder: Path | None = None) -> Drawn:
-    """The log of a seed; kept in, and taken from, a folder if one is given."""
+    """The log of a seed; cached in a folder if one is given."""
     if folder is not None and (kept := folder / f"{seed}.npz").exists():
         with np.load(kept) as file:
             facts = json.loads(str(file["facts"]))
@@ -137,7 +143,7 @@ def _attempt(seed: int, rng: np.random.Generator) -> Drawn | None:
 
 
 def _substeps(s: Setting, machine: Machine) -> int:
-    """Steps in a sample: a quarter of a radian of the fastest swing at most, four at least."""
+    """Integration steps in a sample: at most a quarter of a radian of the fastest oscillation, at least four steps."""
     swings = [0.0]
     if machine.motor_share:
         swings.append(machine.effects.get("compliance", {"frequency": 2.0 / s.sample_time})["frequency"])
@@ -149,9 +155,9 @@ def _substeps(s: Setting, machine: Machine) -> int:
 
 
 def _sensible(s: Setting, b: Basis) -> bool:
-    """It moves in every run, by more than its encoder's steps, no faster than loads do and than samples can follow.
+    """Whether it moves in every run, by more than encoder steps, and at realistic speeds that the samples resolve.
 
-    A weight that goes round and round without a loop is a lottery and no experiment.
+    A weight that rotates without a loop is chaotic, and no useful experiment.
     """
     if not (np.isfinite(b.angle).all() and np.isfinite(b.torque).all()):
         return False
@@ -165,7 +171,7 @@ def _sensible(s: Setting, b: Basis) -> bool:
 
 
 def _alike(before: Basis, after: Basis) -> bool:
-    """Hidden effects and the noise in the loop have not made another experiment of it."""
+    """Whether hidden effects and the noise in the loop have left the experiment similar."""
     return 0.1 < after.speed / before.speed < 4.0 and after.level < 4.0 * before.level
 
 
@@ -178,7 +184,7 @@ def _written(
     moved: Basis,
     motions: list[Motion],
 ) -> Drawn:
-    """What the log shows of it, and the truth."""
+    """The log and the truth about it."""
     torque_noise = moved.level * 10.0 ** rng.uniform(-2.3, -1.7) if "current" in s.loop else 0.0
     channels, gains = _channels(rng, s, runs, motions, torque_noise)
     seen = Seen(machine, moved, motions, torque_noise)

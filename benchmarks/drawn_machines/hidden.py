@@ -1,4 +1,4 @@
-"""What is hidden in a drawn machine: which effects, and parameters for a torque of a given size along its motion.
+"""Hidden effects of a drawn machine: selection, and parameters for a torque of a given size along its motion.
 
 Names, parameters and units are the catalogue's; the equations are in `load`, `actuator` and `motion`.
 """
@@ -19,7 +19,10 @@ Values = dict[str, float]
 class Basis:
     """The motion of the machine without effects, to which they are scaled: (T,) each, of all runs.
 
-    level: rms of the torque [N m]; fastest: frequency of the motion that matters [rad/s]; noise: of a reading [rad].
+    Attributes:
+        level: rms of the torque [N m].
+        fastest: highest frequency of the motion [rad/s].
+        noise: of a measurement [rad].
     """
 
     time: Array
@@ -61,7 +64,7 @@ Draw = Callable[[np.random.Generator, Basis, float], Values | None]
 
 
 def _even(rng: np.random.Generator, low: float, high: float) -> float:
-    """Evenly over the logarithm."""
+    """Uniformly distributed in the logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
@@ -156,7 +159,7 @@ def _saturation(rng: np.random.Generator, b: Basis, size: float) -> Values | Non
 
 
 def _rate(of: Array, sample_time: float, size: float) -> float | None:
-    """Slope at which what follows a signal misses it by `size`, rms; None where its jumps are too few or too many."""
+    """Slope limit for a tracking error of `size`, rms, of a signal; None if no limit gives it."""
     slopes = np.ptp(of) / (sample_time * np.geomspace(2.0, 100.0, 15))
     for slope in slopes:
         followed, here = np.empty_like(of), float(of[0])
@@ -261,20 +264,20 @@ ONE_OF = (
     {"torque_offset", "cable_stiffness"},
     {"rate_limit", "goal_rate_limit", "torque_saturation"},
 )
-"""Not together: one holds the other, or two make a third."""
+"""Not together: one has the other as a special case, or two are equivalent to a third."""
 BEHIND_THE_MEASUREMENT = {
     *("input_delay", "actuator_lag", "back_emf", "torque_saturation", "rate_limit", "goal_rate_limit"),
 }
-"""Of a measured current these are part."""
+"""Part of a measured current."""
 IN_THE_LOOP = {"encoder_eccentricity", "sensor_lag"}
-"""Errors of the sensor by which a position servo itself moves; the log cannot know its inner reading."""
+"""Sensor errors that move a position servo itself; the log does not show its internal measurement."""
 FRICTION = ("coulomb_friction", "stribeck_friction", "presliding_hysteresis", "asymmetric_friction")
 
 
 def drawn_effects(
     rng: np.random.Generator, basis: Basis, *, slow: bool, measured: bool, count: int
 ) -> dict[str, Values]:
-    """`count` effects with a torque of 1 to 50 % of that of the log each, or as late or as soft as such effects are."""
+    """`count` effects, each with a torque of 1 to 50 % of that of the log, or with a typical time or stiffness."""
     found: dict[str, Values] = {}
     asked = [str(name) for name in rng.permutation(list(DRAWS))]
     if slow and rng.random() < 0.5:

@@ -1,8 +1,8 @@
-"""What acts on the load: gravity, friction that truly holds, and the torques of hidden effects.
+"""Torques on the load: gravity, friction with exact stiction, and the torques of hidden effects.
 
     J x'' = tau - alpha cos x - K x' + sum of torques - dry friction
 
-Every torque is a plain function of angle, velocity and time; dry friction is a level against either direction.
+Every torque is a plain function of angle, velocity and time; dry friction is a level for each direction.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from math import cos, exp, pi, sin
 
 Values = Mapping[str, float]
 Torque = Callable[[float, float, float], float]  # angle, velocity, time -> [N m]
-Level = Callable[[float, float, float], tuple[float, float]]  # velocity, time, torque that arrives -> [N m] each way
+Level = Callable[[float, float, float], tuple[float, float]]  # velocity, time, torque at the load -> [N m] each way
 
 
 def smooth_torque(name: str, p: Values) -> Torque | None:
-    """The torque that an effect adds, if it adds one."""
+    """The torque of an effect, None if it adds none."""
     if name == "quadratic_drag":
         return lambda x, v, t: -p["drag"] * v * abs(v)
     if name == "gravity_offset":
@@ -42,7 +42,7 @@ def smooth_torque(name: str, p: Values) -> Torque | None:
 
 
 def dry_level(name: str, p: Values) -> Level | None:
-    """How much dry friction an effect brings against forward and backward motion, if it brings any."""
+    """The dry friction of an effect against forward and backward motion, None if it adds none."""
     if name == "coulomb_friction":
         return lambda v, t, arriving: (p["torque"], p["torque"])
     if name == "asymmetric_friction":
@@ -63,10 +63,13 @@ def dry_level(name: str, p: Values) -> Level | None:
 
 @dataclass
 class Load:
-    """One load with what acts on it.
+    """One load with its torques.
 
-    inertia: of what moves with the load [kg m^2]; gravity: alpha [N m]; viscous_friction: K [N m s/rad].
-    added: what each effect has added since it was last asked, times its duration [N m s].
+    Attributes:
+        inertia: of everything that moves with the load [kg m^2].
+        gravity: alpha [N m].
+        viscous_friction: K [N m s/rad].
+        added: time integral of the torque of each effect since the last reset [N m s].
     """
 
     inertia: float
@@ -75,7 +78,7 @@ class Load:
     effects: Mapping[str, Values]
     rest: Torque | None = None
     added: dict[str, float] = field(default_factory=dict)
-    bristle: float = 0.0  # torque of a contact that gives before it slides [N m]
+    bristle: float = 0.0  # torque of a presliding contact [N m]
 
     def __post_init__(self) -> None:
         smooth = {name: smooth_torque(name, p) for name, p in self.effects.items()} | {"rest": self.rest}
@@ -90,7 +93,7 @@ class Load:
         return self.inertia + (self.change["inertia"] if self.change and t >= self.change["time"] else 0.0)
 
     def passive(self, x: float, v: float, t: float, travel: float) -> float:
-        """Torque on the load without the drive's and without dry friction, `travel` after a step began [N m]."""
+        """Torque on the load without the drive's and without dry friction, `travel` after the start of a step [N m]."""
         torque = -self.gravity * cos(x) - self.viscous_friction * v
         for _, own in self.torques:
             torque += own(x, v, t)
@@ -112,7 +115,7 @@ class Load:
         return forward, backward
 
     def count(self, x: float, v: float, t: float, travel: float, arriving: float, dry: float, h: float) -> None:
-        """Add up what each effect was worth over a step of length `h`; `dry` is the whole dry friction's torque."""
+        """Add the torque of each effect over a step of length `h`; `dry` is the total dry friction torque."""
         for name, own in self.torques:
             self.added[name] += own(x, v, t) * h
         if self.contact:
@@ -125,9 +128,9 @@ class Load:
 
 
 def slide(v: float, force: float, levels: tuple[float, float], inertia: float, h: float) -> tuple[float, float]:
-    """Velocity after a step under a constant force and dry friction, and how far the load got in it.
+    """Velocity after a step under a constant force and dry friction, and the travel in it.
 
-    It slides until it stops; then it holds as long as the force is below the level, and else moves on.
+    The load slides until it stops; then it sticks while the force is below the level, and otherwise slides on.
     """
     forward, backward = levels
     way = 0.0

@@ -1,4 +1,4 @@
-"""A position loop around a moving reference: in the controller beside the drive, or inside a position servo."""
+"""A position loop around a moving reference: in an external controller, or inside a position servo."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from drawn_machines.servo import Machine
 
 @dataclass(frozen=True, kw_only=True)
 class Loop:
-    """PD with a filtered derivative, and a share of feed-forward of inertia and gravity, once a sample.
+    """PD with a filtered derivative, and partial feed-forward of inertia and gravity, once per sample.
 
-    inner: the loop is a position servo's own; what is commanded is then its set-point.
+    Attributes:
+        inner: whether the loop is that of a position servo, whose command is its set-point.
     """
 
     kp: float
@@ -27,7 +28,7 @@ class Loop:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, machine: Machine, fastest: float, dt: float, *, inner: bool) -> Loop:
-        """Two to six times as fast as the motion, as far as the samples allow."""
+        """Two to six times as fast as the motion, limited by the sample rate."""
         swing = min(fastest * rng.uniform(2.0, 6.0), 0.25 / dt)
         damping = 2.0 * rng.uniform(0.6, 1.0) * machine.inertia * swing
         knows = rng.uniform(0.7, 1.1) if rng.random() < 0.4 else 0.0
@@ -42,7 +43,7 @@ class Loop:
         )
 
     def law(self, reference: Array) -> Law:
-        """The torque for a reading, or the set-point."""
+        """The torque for a measurement, or the set-point."""
         if self.inner:
             goals = reference.tolist()
             return lambda k, reading, time: goals[k]

@@ -1,4 +1,4 @@
-"""The motion of a drawn machine, sample by sample: readings, commands that switch when they arrive, what is logged."""
+"""The motion of a drawn machine, sample by sample: measurements, delayed commands, and the logged signals."""
 
 from __future__ import annotations
 
@@ -14,17 +14,20 @@ from drawn_machines.servo import Machine, Servo
 
 Array = NDArray[np.float64]
 FARTHEST = 2e4 * pi  # [rad]
-Law = Callable[[int, float, float], float]  # sample, reading [rad], time [s] -> command held until the next sample
+Law = Callable[[int, float, float], float]  # sample, measurement [rad], time [s] -> command held until the next sample
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """What happened, (T,) each: at the samples, or as a mean over the sample that follows.
+    """Signals of a simulation, (T,) each: at the samples, or as a mean over the following sample.
 
-    command: a torque [N m], or the set-point of a position servo [rad].
-    reading: what the encoder shows; current: the filtered torque of the drive [N m]; driving: its mean over the sample.
-    error: of the reading, before noise [rad].
-    worth: mean torque of each effect, of "rest" and of "dead_zone" over each sample [N m].
+    Attributes:
+        command: a torque [N m], or the set-point of a position servo [rad].
+        reading: measurement of the encoder [rad].
+        current: the filtered torque of the drive [N m].
+        driving: the drive's mean torque over the sample [N m].
+        error: of the measurement, before noise [rad].
+        worth: mean torque of each effect, of "rest" and of "dead_zone" over each sample [N m].
     """
 
     time: Array
@@ -40,24 +43,25 @@ class Motion:
 
 
 class RunsAway(ArithmeticError):
-    """The load goes where none can: the loop is unstable."""
+    """The load diverges: the loop is unstable."""
 
 
 def play(
     machine: Machine, law: Law, times: Array, angle: float, *, noise: Array, count: float, substeps: int
 ) -> Motion:
-    """Move from rest at an angle; `times` (T + 1,) [s] are those of the samples and the end of the last.
+    """Simulate from rest at an angle; `times` (T + 1,) [s] are those of the samples and the end of the last one.
 
     Args:
-        machine: what moves.
-        law: what commands it, from readings.
+        machine: the machine.
+        law: its commands, from measurements.
         times: as above.
         angle: at the start [rad].
-        noise: (T,) of the reading [rad], before it is rounded to `count` [rad].
+        noise: (T,) of the measurement [rad], before it is rounded to `count` [rad].
         count: step of the encoder; 0 for none.
-        substeps: steps in a sample.
+        substeps: integration steps in a sample.
 
-    Raises `RunsAway`.
+    Raises:
+        RunsAway: the load diverges.
     """
     servo = Servo(machine, angle, float(times[0]))
     usual = float(times[-1] - times[0]) / noise.size
@@ -104,9 +108,10 @@ def play(
 
 
 class Line:
-    """Commands on their way: each arrives after a time, also inside a sample: there the step is split.
+    """Delayed commands: each arrives after a dead time, also within a sample, where the step is split.
 
-    change: when a payload comes [s], where it is split too.
+    Attributes:
+        change: instant of a payload change [s], where the step is split too.
     """
 
     def __init__(self, delay: float, gain: float, change: float) -> None:
@@ -114,7 +119,7 @@ class Line:
         self.waiting: deque[tuple[float, float]] = deque()
 
     def through(self, servo: Servo, command: float, start: float, end: float, longest: float) -> None:
-        """A sample from `start` to `end` at which a command is given, in steps not longer than `longest`."""
+        """Simulate a sample from `start` to `end`, with its new command, in steps not longer than `longest`."""
         self.waiting.append((start + self.delay, command))
         now = start
         while now < end:

@@ -1,7 +1,7 @@
-"""A drawn machine while it moves, step by step: classical Runge-Kutta, and stops where they happen.
+"""Simulation of a drawn machine, step by step: classical Runge-Kutta, with stops of the load at their instant.
 
-In every step it is written down what each effect was worth, as the torque that a model without it would miss. For a
-spring or a gap between motor and load that is J_motor (x'' - theta'').
+In every step the torque of each effect is recorded, as the torque that a model without it would lack. For a compliance
+or a backlash between motor and load that is J_motor (x'' - theta'').
 """
 
 from __future__ import annotations
@@ -13,16 +13,17 @@ from math import cos, exp, sin
 from drawn_machines.actuator import Actuator, Lag, Values, links_of
 from drawn_machines.load import Load, Torque, slide
 
-State = tuple[float, float, float, float]  # angle and velocity of the load, and of the motor if it has its own
+State = tuple[float, float, float, float]  # angle and velocity of the load, and of a separate motor
 
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """A servo: rigid body, dead zone, hidden effects by the catalogue's names, and what has no name.
+    """A servo: rigid body, dead zone, hidden effects by the catalogue's names, and unmodelled torque.
 
-    kp, kd: of a position servo, whose command is a set-point; zero where the command is a torque.
-    current_lag, filter_lag: of the current loop and of the measured current [s].
-    resonant: share of the arriving torque that swings before it arrives [-], its frequency [rad/s] and damping.
+    Attributes:
+        kp, kd: of a position servo, whose command is a set-point; zero where the command is a torque.
+        current_lag, filter_lag: of the current loop and of the measured current [s].
+        resonant: share of the torque that passes a resonance [-], its frequency [rad/s] and damping.
     """
 
     inertia: float
@@ -39,7 +40,7 @@ class Machine:
 
     @property
     def motor_share(self) -> float:
-        """Share of the inertia on the motor's side of a spring or a gap."""
+        """Share of the inertia on the motor's side of a compliance or a backlash."""
         for name in ("compliance", "backlash"):
             if name in self.effects:
                 return self.effects[name]["motor_share"]
@@ -47,7 +48,7 @@ class Machine:
 
 
 class Servo:
-    """The machine while it moves; it begins at rest, its drive without torque."""
+    """The simulated machine; it starts at rest, with zero torque of the drive."""
 
     def __init__(self, machine: Machine, angle: float, time: float) -> None:
         self.machine, self.effects = machine, machine.effects
@@ -85,7 +86,7 @@ class Servo:
         return side * reduced * w**2 * max(beyond + 2.0 * damping / w * rate * side, 0.0)
 
     def step(self, held: float, h: float) -> None:
-        """One step of length `h` under a command that is held: sliding, or to a stop and on from there."""
+        """One step of length `h` under a held command: sliding, or to a stop and on from there."""
         x, v, w = self.x, self.v, self.w
         speed = w if self.motor else v
         torque = self.actuator.follow(held, x + 0.5 * h * v, v, speed, h)
@@ -97,7 +98,7 @@ class Servo:
         self.t += h
 
     def _forces(self, part: int, at: State, travel: float, t: float) -> tuple[float, float, float]:
-        """Smooth force on the load, torque that arrives at it, and acceleration of the motor if there is one."""
+        """Smooth force on the load, torque at the load, and acceleration of the motor if there is one."""
         x, v, theta, w = at
         if not self.motor:
             arriving = self._resonant(self.actuator.torque(part, x, v, v))
@@ -132,7 +133,7 @@ class Servo:
         return (x, v, theta, w), whole / 6.0
 
     def _stopping(self, h: float) -> tuple[State, float]:
-        """The same where the load stops, or rests: under the force in the middle of the step."""
+        """The same if the load stops or rests: with the force in the middle of the step."""
         load, x, v, theta, w = self.load, self.x, self.v, self.theta, self.w
         middle = self.t + 0.5 * h
         force, arriving, turning = self._forces(0, (x, v, theta, w), 0.0, self.t)
@@ -144,7 +145,7 @@ class Servo:
         return (x + way, after, theta + h * wm, w + h * turning), force
 
     def _count(self, after: State, force: float, torque: float, h: float) -> None:
-        """What the step was worth, and what only follows the motion."""
+        """Record the torque of each effect in the step, and advance the states that follow the motion."""
         load, x, v = self.load, self.x, self.v
         middle, way = self.t + 0.5 * h, after[0] - x
         xm, vm = 0.5 * (x + after[0]) - 0.125 * h * (after[1] - v), way / h
@@ -168,7 +169,7 @@ class Servo:
         return torque + share * (self.swing - torque) if share else torque
 
     def _after(self, torque: float, h: float) -> None:
-        """What only follows the torque: the measured current, and what swings before it arrives."""
+        """Advance the states that follow the torque: measured current and resonance."""
         self.current.follow(torque, h)
         self.driving += torque * h
         share, frequency, damping = self.machine.resonant
@@ -178,11 +179,11 @@ class Servo:
             self.swing += h * self.swing_rate
 
     def show(self) -> float:
-        """What the sensor shows, without noise [rad]."""
+        """Measurement of the sensor, without noise [rad]."""
         return self._seen(self.x) if self.late is None else self.shown
 
     def _sense(self, after: State, h: float) -> None:
-        """A sensor that lags goes on by a step in which the load was accelerated evenly."""
+        """Advance a sensor with lag by a step of constant acceleration of the load."""
         if self.late is None:
             return
         (seen, rate), (last, before) = self._seen_rate(after[0], after[1]), self._seen_rate(self.x, self.v)
@@ -191,14 +192,14 @@ class Servo:
         self.shown = seen - self.late * rate + bend + start * exp(-h / self.late)
 
     def _seen_rate(self, x: float, v: float) -> tuple[float, float]:
-        """What the disc shows at an angle, and its rate."""
+        """Measured angle of the encoder disc at an angle, and its rate."""
         disc = self.effects.get("encoder_eccentricity")
         return self._seen(x), v * (
             1.0 + disc["amplitude"] * disc["order"] * cos(disc["order"] * x + disc["phase"])
         ) if disc else v
 
     def forget(self) -> None:
-        """Begin to count anew what each effect is worth."""
+        """Reset the recorded torques of the effects."""
         self.driving = 0.0
         for name in self.added:
             self.added[name] = 0.0

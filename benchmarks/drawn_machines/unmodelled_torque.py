@@ -1,7 +1,7 @@
-"""The torque that has no name: a random smooth function of angle, velocity, both, and slow time.
+"""The unmodelled torque: a random smooth function of angle, velocity, both, and slow time.
 
-A sum of waves over the variables, with lengths of the order of what the motion covers (random Fourier features). Over
-an angle that goes round it repeats with each turn.
+A sum of waves over the variables, with wavelengths of the order of the motion's range (random Fourier features). Over
+an angle of more than a turn it repeats with each turn.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 _OVER = ("angle", "velocity", "both", "time")
-_WAVES = 3  # of each kind
+_WAVES = 3  # for each variable
 
 
 @dataclass(frozen=True)
@@ -30,17 +30,17 @@ class Rest:
         return total
 
     def along(self, x: Array, v: Array, t: Array) -> Array:
-        """The same along a motion."""
+        """The torque along a motion."""
         size, *wave, phase = np.array(self.waves).T
         return np.asarray(np.sin(np.column_stack((x, v, t)) @ np.array(wave) + phase) @ size)
 
     def scaled(self, factor: float) -> Rest:
-        """So many times as large."""
+        """The torque times a factor."""
         return Rest(tuple((size * factor, *wave) for size, *wave in self.waves))  # type: ignore[misc]
 
 
 def drawn_rest(rng: np.random.Generator, span: float, speed: float, duration: float) -> Rest:
-    """A random function over two of four kinds of variables at least, of no particular size."""
+    """A random function over at least two of four kinds of variables, not scaled."""
     kinds = rng.permutation(_OVER)[: int(rng.integers(2, 5))]
     waves = []
     for kind in kinds:

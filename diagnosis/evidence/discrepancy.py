@@ -1,9 +1,9 @@
-"""The discrepancy: how large the unmodelled torque is, by the log's own data, and what it then takes part in.
+"""The discrepancy: unmodelled torque and measurement error, with an amplitude that is estimated from the log.
 
     e = J (theta - theta_0) + D f + noise,    f ~ N(0, a^2)                (linearised innovations)
 
-with e the innovations of a fitted model, J their Jacobian, D the response of the families. It belongs to every set of
-names alike. Marginalised over f, the covariance of the innovations is s^2 I + a^2 D D'.
+with e the innovations of a fitted model, J their Jacobian, D the response of the families. Every set of effects
+includes it. Marginalised over f, the covariance of the innovations is s^2 I + a^2 D D'.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from diagnosis.nuisance import Nuisance
 from plant.effects.effect import Array
 
 AMPLITUDES = (0.0, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # of the torque in the log
-_READINGS = (0.0, 0.3, 1.0)  # errors of the measurement, of its noise
-_HUGE = 1e100  # the response of a free simulation that runs off
-_ALONE = (1.0, 3.0)  # times as large as all together, where one variable has to explain everything
-_PASSES = 4  # of noise and discrepancy, each from the other
+_READINGS = (0.0, 0.3, 1.0)  # errors of the measurement, as a share of its noise
+_HUGE = 1e100  # the response of a free simulation that diverges
+_ALONE = (1.0, 3.0)  # factors on the prior standard deviation: one variable alone may need a larger one
+_PASSES = 4  # iterations between noise variance and discrepancy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Posterior:
-    """Of the discrepancy beside one set of names.
+    """Posterior of the discrepancy for one set of effects.
 
     Attributes:
-        log_likelihood: of the innovations, over amplitudes and functions.
-        variance: s^2 of the noise at the likeliest amplitude [rad^2].
+        log_likelihood: of the innovations, marginalised over f and the amplitudes.
+        variance: s^2 of the noise at the most probable amplitudes [rad^2].
         amplitude: posterior mean, as a share of the torque in the log [-].
-        material: probability that the torque is not nothing [-].
-        measurement_error: probability that the errors of the measurement are not nothing [-].
-        likeliest: places in `AMPLITUDES` and among those of the measurement's errors.
+        material: posterior probability that the unmodelled torque is not zero [-].
+        measurement_error: posterior probability that the measurement error is not zero [-].
+        likeliest: indices of the most probable amplitudes, in `AMPLITUDES` and in `_READINGS`.
         functions: (M + R,) mean of f there.
-        weights: (M + R, M + R) W, so that the covariance's inverse is (I - D W D') / s^2.
-        scale: (M + R,) standard deviations of f before the log was seen.
+        weights: (M + R, M + R) W; the inverse of the covariance is (I - D W D') / s^2.
+        scale: (M + R,) prior standard deviations of f there.
     """
 
     log_likelihood: float
@@ -56,23 +56,23 @@ class Posterior:
 
     @property
     def something(self) -> float:
-        """Probability that either is not nothing [-]."""
+        """The larger of the two probabilities [-]."""
         return max(self.material, self.measurement_error)
 
     @property
     def at_its_limit(self) -> bool:
-        """Whether it is likeliest as large as it may be: then the fit has failed, and its slopes say little."""
+        """Whether the largest amplitude is the most probable: then the fit has failed; its Jacobian says little."""
         return self.likeliest[0] == len(AMPLITUDES) - 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Responses:
-    """What the families do to the innovations of a fit.
+    """Response of the innovations of a fit to the functions of the families.
 
     Attributes:
         columns: (T, M + R) response to unit coefficients; torques first.
         torques: M.
-        variables: (M + R,) what they depend on.
+        variables: (M + R,) the variable of each function.
     """
 
     columns: Array
@@ -81,7 +81,7 @@ class Responses:
 
     @classmethod
     def of(cls, families: Families, filters: tuple[Linear, ...], noise: float) -> Responses:
-        """Behind the predictor of each run, with errors of the measurement as large as its noise [rad]."""
+        """Response through the predictor of each run; measurement errors are scaled by `noise` [rad]."""
         on_torque = response(filters, families.torque, on_reading=False)
         on_reading = response(filters, noise * families.reading, on_reading=True)
         bounded = np.nan_to_num(-np.hstack((on_torque, on_reading)), nan=0.0, posinf=0.0, neginf=0.0)
@@ -94,14 +94,14 @@ class Responses:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discrepancy(Nuisance):
-    """Directions that parameters and initial states follow, and those of the families beside them.
+    """The directions of parameters and initial states, and the response of the families beyond these.
 
     Attributes:
         columns: (T, M + R) response of the families to unit coefficients, beyond the parameters.
         torques: M, how many of them are torques; the others are errors of the measurement.
-        variables: (M + R,) what they depend on.
+        variables: (M + R,) the variable of each function.
         left: (T,) innovations beyond the parameters.
-        degrees: of freedom that they have.
+        degrees: degrees of freedom of `left`.
         posterior: of the families' coefficients.
     """
 
@@ -114,7 +114,7 @@ class Discrepancy(Nuisance):
 
     @classmethod
     def learned(cls, nuisance: Nuisance, responses: Responses, innovations: Array, samples: int) -> Discrepancy:
-        """Learned from the innovations (T,) of a fit."""
+        """Estimate the discrepancy from the innovations (T,) of a fit."""
         columns, left = nuisance.beyond(responses.columns), nuisance.beyond(innovations)
         degrees = samples - sum(part.shape[1] for part in nuisance.own) - nuisance.shared.shape[1]
         return cls(
@@ -139,7 +139,7 @@ class Discrepancy(Nuisance):
         return np.asarray(left - self.columns @ (self.posterior.weights @ (self.columns.T @ left)))
 
     def views(self) -> Iterator[tuple[float, Array]]:
-        """Log-likelihood and (M + R, M + R) W of the likeliest discrepancy, and of some that take over less."""
+        """Log-likelihood and (M + R, M + R) W of the most probable discrepancy, then of smaller ones, down to zero."""
         torque, reading = self.posterior.likeliest
         lower = max(torque - 1, 0), max(reading - 1, 0)
         gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
@@ -149,10 +149,10 @@ class Discrepancy(Nuisance):
             yield likelihood, weights
 
     def explained_by(self, beside: Collection[str] = ()) -> dict[str, float]:
-        """Evidence of the functions of each variable, as a share of that of all [-]; empty without any.
+        """Gain in log-likelihood by the functions of each variable, as a share of the gain by all [-].
 
-        Of the torques; where there is none, of the errors of the measurement. Of a variable alone, or what it adds
-        beside others.
+        Torques only, or measurement errors only if the most probable torque is zero. Each variable is taken alone, or
+        in addition to the variables in `beside`. Empty if there is no gain.
         """
         gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
         of_torque = np.arange(len(pull)) < self.torques
@@ -176,7 +176,7 @@ class Discrepancy(Nuisance):
 
 
 def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int) -> Posterior:
-    """The posterior from D'D, D'e and e'e, all beyond the parameters, with so many degrees of freedom."""
+    """The posterior from D'D, D'e and e'e, all beyond the parameters."""
     places = list(product(range(len(AMPLITUDES)), range(len(_READINGS))))
     scales = [_scale(*place, len(pull), torques) for place in places]
     tried = [_at(gram, pull, power, degrees, scale) for scale in scales]
@@ -199,7 +199,7 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
 
 
 def _material(weights: Array, sizes: Array) -> float:
-    """Probability of any size but none, where both are as likely before."""
+    """Posterior probability that a size is not zero; the prior probability is one half."""
     some, none = float(np.mean(weights[sizes > 0.0])), float(np.mean(weights[sizes == 0.0]))
     return some / (some + none)
 
@@ -221,7 +221,7 @@ def _at(gram: Array, pull: Array, power: float, degrees: int, scale: Array) -> t
         variance = max(left / max(degrees - used, 1.0), 1e-12 * power / degrees)
     stiff = values + variance
     quadratic = power - float(along @ (along / stiff))
-    if quadratic <= 0.0:  # rounding is all that is left
+    if quadratic <= 0.0:  # only rounding errors are left
         return -np.inf, variance, np.zeros(len(pull)), np.zeros_like(gram)
     log_determinant = float(np.sum(np.log(stiff / variance)))
     likelihood = -0.5 * (degrees * np.log(2.0 * np.pi * variance) + quadratic / variance + log_determinant)

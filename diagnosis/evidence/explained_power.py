@@ -1,4 +1,4 @@
-"""What signatures explain of the innovations, by their inner products alone."""
+"""How much of the innovations the signatures explain, from inner products alone."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from identification.least_squares import bounded_least_squares
 from plant.effects import Effect
 from plant.effects.effect import Array
 
-_RIDGE = 1e-10  # beside a scaled diagonal of ones
-_ABSORBED = 1e-6  # of a signature, below which nothing of it is left
+_RIDGE = 1e-10  # added to a diagonal scaled to ones
+_ABSORBED = 1e-6  # share of a signature's power; with less left, it counts as absorbed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Signature:
-    """One shape of an effect: the columns that are its own among all, and the effect that their sizes make."""
+    """One shape of an effect: its columns among all columns, and a function from their sizes to the effect."""
 
     name: str
     columns: slice
@@ -30,14 +30,14 @@ class Signature:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Products:
-    """Inner products of signatures, beyond what is taken over: (n, n) with one another, (n,) with the innovations."""
+    """Inner products of signatures after projection: (n, n) with one another, (n,) with the innovations."""
 
     gram: Array
     pull: Array
     power: float
 
     def beyond(self, columns: slice) -> Products:
-        """Beyond some of the signatures themselves."""
+        """The same, projected orthogonally to some of the signatures."""
         own = self.gram[columns, columns]
         size = np.sqrt(np.maximum(np.diag(own), 1e-300))
         inverse = np.linalg.pinv(own / np.outer(size, size), rcond=1e-9, hermitian=True) / np.outer(size, size)
@@ -50,7 +50,7 @@ class Products:
 
 
 def unbounded(products: Products, plain: Products, shapes: Sequence[Signature]) -> Array:
-    """(S,) of the innovations' power that each shape explains where its sizes may have any sign."""
+    """(S,) power of the innovations that each shape explains if its sizes may have any sign."""
     found = np.zeros(len(shapes))
     widths = np.array([len(shape.positive) for shape in shapes])
     first = np.array([shape.columns.start for shape in shapes])
@@ -68,15 +68,15 @@ def unbounded(products: Products, plain: Products, shapes: Sequence[Signature]) 
 
 
 def powers(products: Products, plain: Products, shapes: Sequence[Signature]) -> list[float]:
-    """(S,) of the innovations' power that each shape explains."""
+    """(S,) power of the innovations that each shape explains."""
     most = unbounded(products, plain, shapes)
     return [explained(products, plain, shape, float(free)) for shape, free in zip(shapes, most, strict=True)]
 
 
 def explained(products: Products, plain: Products, shape: Signature, free: float) -> float:
-    """Of the innovations' power by one signature; nothing by one that the others have absorbed.
+    """Power of the innovations that one signature explains; zero if the signature is absorbed.
 
-    Where its sizes may have any sign, that is what it explains with signs left free.
+    `free` is the power it explains without sign constraints; it is returned if no size has to be positive.
     """
     if not any(shape.positive):
         return free

@@ -1,8 +1,9 @@
-"""Families of smooth functions: the shapes that an unmodelled torque, or an error of the measurement, may have.
+"""Families of smooth functions: basis functions of the unmodelled torque and of the measurement error.
 
-They stand for what no name explains (Kennedy and O'Hagan 2001). A member is a column along the log; of torque over
-velocity, angle, torque, time, angle and velocity together, of lagged torque, and of the way since the load turned back.
-Where the load goes round, what depends on its angle also repeats with each turn. Higher members are smaller, as 1/k.
+They represent what no effect explains (Kennedy and O'Hagan 2001). Each function is a column along the log: a torque
+over velocity, angle, torque, time, angle and velocity together, a lagged torque, or a torque over the travel since the
+last reversal. If the load moves more than one turn, functions that repeat with each turn are added. The prior size of
+the k-th function is proportional to 1/k.
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ from numpy.typing import NDArray
 from plant.effects import Motion
 from plant.effects.effect import Array
 
-_BENDS = 10  # of a function of one variable
+_BENDS = 10  # highest order k of a function of one variable
 _LAGS = (2.0, 6.0, 20.0, 60.0)  # time constants of a lagged torque, in samples
-_WAYS = (0.003, 0.03, 0.3)  # after which the direction is forgotten, as shares of the range of angles
+_WAYS = (0.003, 0.03, 0.3)  # travel constants of the Dahl model, as shares of the range of angles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Families:
-    """Columns of unit size: of torque, as large as the torque in the log; of the measurement, as its noise.
+    """Columns of unit size: torques are scaled to the rms torque in the log, measurement errors to unit noise.
 
     Attributes:
         torque: (T, M) [N m].
-        reading: (T, R) [rad], for noise of one.
-        variables: (M + R,) what each of them depends on, torques first.
+        reading: (T, R) measurement errors, for a noise of 1 rad [rad].
+        variables: (M + R,) the variable of each column, torques first.
     """
 
     torque: Array
@@ -38,7 +39,7 @@ class Families:
 
     @classmethod
     def along(cls, motion: Motion) -> Families:
-        """Those of a motion."""
+        """The families along a motion."""
         level = float(np.sqrt(np.mean(motion.torque**2)))
         torques, readings = _of_unit_size(_torques(motion)), _of_unit_size(_readings(motion))
         nothing = np.empty((motion.time.size, 0))
@@ -50,13 +51,13 @@ class Families:
 
 
 def _of_unit_size(members: Iterator[tuple[str, float, Array]]) -> list[tuple[str, Array]]:
-    """Variable and column (T,) of the members that are not nothing, as large as their weights."""
+    """Variable and column (T,) of each function that is not zero; its rms is its weight."""
     scaled = ((variable, weight, _unit(column)) for variable, weight, column in members)
     return [(variable, weight * column) for variable, weight, column in scaled if column is not None]
 
 
 def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
-    """Variable, size and column (T,) of each torque."""
+    """Variable, weight and column (T,) of each torque."""
     velocity, angle = _to_one(motion.velocity), _to_one(motion.angle)
     speed, direction = np.abs(2.0 * velocity - 1.0), motion.sign
     yield "nothing", 1.0, np.ones_like(velocity)
@@ -83,9 +84,9 @@ def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
 
 
 def _readings(motion: Motion) -> Iterator[tuple[str, float, Array]]:
-    """Variable, size and column (T,) of each error of the measurement: over the turn, and of one that comes too late.
+    """Variable, weight and column (T,) of each measurement error: periodic in the angle, or due to a delay.
 
-    On a linear axis, which has no turn, over the travel.
+    On a linear axis the period is the range of travel.
     """
     for weight, wave in _around(motion):
         yield "angle", weight, wave
@@ -95,7 +96,7 @@ def _readings(motion: Motion) -> Iterator[tuple[str, float, Array]]:
 
 
 def _around(motion: Motion) -> Iterator[tuple[float, Array]]:
-    """Size and column (T,) of each wave over the turn, or over the travel where there is none."""
+    """Weight and column (T,) of each harmonic over one turn, or over the range of travel on a linear axis."""
     turned = motion.angle if motion.turn else 2.0 * np.pi * _to_one(motion.angle)
     for k in range(1, _BENDS + 1):
         yield 1.0 / k, np.sin(k * turned)
@@ -105,25 +106,25 @@ def _around(motion: Motion) -> Iterator[tuple[float, Array]]:
 def _before(values: Array, rows: NDArray[np.intp]) -> Array:
     """(T,) values of the sample before, in some rows.
 
-    In a closed loop the torque over a sample is made from the measurement at its beginning; it would explain its noise.
+    In a closed loop the torque of a sample depends on the measurement at its start, so it would explain the noise.
     """
     return np.asarray(np.append(values[rows[:1]], values[rows[:-1]]))
 
 
 def _to_one(values: Array) -> Array:
-    """Values from 0 to 1, nearly; the few that are far out are at an end."""
+    """Values scaled from their 0.1 % and 99.9 % quantiles to 0 and 1, clipped."""
     low, high = np.quantile(values, (0.001, 0.999))
     return np.asarray(np.clip((values - low) / max(high - low, 1e-300), 0.0, 1.0))
 
 
 def _unit(column: Array) -> Array | None:
-    """A column of mean square one, None where it is nothing."""
+    """A column scaled to mean square one; None if it is zero."""
     rms = float(np.sqrt(np.mean(column**2)))
     return column / rms if np.isfinite(rms) and rms > 1e-12 * float(np.max(np.abs(column), initial=1e-300)) else None
 
 
 def _lagged(torque: Array, keep: float, rows: NDArray[np.intp]) -> Array:
-    """(T,) a torque behind a first-order lag, in some rows."""
+    """(T,) a torque after a first-order lag, in some rows."""
     from scipy.signal import lfilter  # scipy.signal takes half a second
 
     lagged, _ = lfilter([1.0 - keep], [1.0, -keep], torque[rows], zi=[keep * torque[rows[0]]])
@@ -131,7 +132,7 @@ def _lagged(torque: Array, keep: float, rows: NDArray[np.intp]) -> Array:
 
 
 def _bristle(angle: Array, way: float, rows: NDArray[np.intp]) -> Array:
-    """(T,) direction of motion that builds up over a way, in some rows: from -1 to 1 (Dahl's model)."""
+    """(T,) direction of motion, from -1 to 1, with the travel constant `way` (Dahl's model), in some rows."""
     bent, found = 0.0, np.empty(rows.size)
     for k, step in enumerate(np.diff(angle[rows], prepend=angle[rows[0]]) / max(way, 1e-300)):
         goal = 1.0 if step > 0.0 else -1.0

@@ -1,4 +1,4 @@
-"""The sets of effects that a search has fitted, and how one is: exactly, near another fit, behind a given observer."""
+"""The sets of effects that a search has fitted. Each is fitted from another fit, with a given observer."""
 
 from __future__ import annotations
 
@@ -17,20 +17,24 @@ from plant.effects import Effect, catalogue
 from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
-_STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
-_ITERATIONS = 20  # of a fit; what takes longer hardly belongs there, and would be followed to odd values
+_STAGES = (0, 1, 2, 2)  # of a search among similar shapes
+_ITERATIONS = 20  # of a fit; a fit that needs more is rarely of a present effect, and would end at implausible values
 
 
 @dataclass(eq=False)
 class Explored:
-    """The sets that were fitted, by their names and the bandwidth of the observer [rad/s].
+    """The sets that were fitted, by their effects and the bandwidth of the observer [rad/s].
 
     Attributes:
-        null: the base model alone, along whose motion the families are drawn.
-        proposed: what was proposed beside each of them.
-        held: whether all are predicted behind one observer that holds a motion in which small errors grow.
-        asked: fits that were asked for, by where they began; the search comes by the same ones on several ways.
-        answered: what came of weighing a fit.
+        null: fit of the base model alone; the families are evaluated along its motion.
+        effects: effects of the catalogue that are candidates.
+        tell: receives lines on progress.
+        families: the same for all sets.
+        fits: the best fit of each set at each bandwidth.
+        proposed: the effects that were proposed in addition to each set.
+        held: whether all sets are predicted with the observer that stabilises a chaotic motion.
+        asked: cached fits, by their starting point; the search requests the same fit several times.
+        answered: cached evidence of each fit.
     """
 
     null: Fit
@@ -45,13 +49,13 @@ class Explored:
 
     @property
     def known(self) -> dict[frozenset[str], Explanation]:
-        """Each set behind the observer that suits it best."""
+        """Each set at the bandwidth with its highest log marginal likelihood."""
         ranked = sorted(self.fits.values(), key=lambda each: each.log_marginal)
         return {each.names: each for each in ranked}
 
     @property
     def best(self) -> Explanation:
-        """The likeliest."""
+        """The set with the highest log marginal likelihood."""
         return max(self.fits.values(), key=lambda each: each.log_marginal)
 
     def add(self, explanations: Iterable[Explanation | None]) -> None:
@@ -69,14 +73,14 @@ class Explored:
         return self.asked[begun]
 
     def gained(self, fit: Fit, proposal: Proposal) -> float:
-        """Log-likelihood that one effect brings a fit from the first of its starts, behind the same observer."""
+        """Gain in log-likelihood by one effect, fitted from the first of its starts with the same observer."""
         model = fit.model.with_effect(proposal.starts[0][0])
         return self.fitted(fit, [model], fit.bandwidth).log_likelihood - fit.log_likelihood
 
     def fitted_with(self, fit: Fit, proposal: Proposal, bandwidth: float, least: float = 0.0) -> Fit:
-        """The model of a fit with what is proposed, fitted from there.
+        """The model of a fit with the proposed effects, fitted from there.
 
-        Among shapes that look alike the best is looked for where the first brings at least so much log-likelihood.
+        Among similar shapes a local search follows only if the best so far gains at least `least` in log-likelihood.
         """
         models = [fit.model]
         for starts in proposal.starts:
@@ -88,7 +92,7 @@ class Explored:
         return found
 
     def _with(self, model: ServoModel, start: Effect) -> ServoModel:
-        """A model with an effect; what of it something without a name could be stays as in the base model."""
+        """A model with an effect; parameters that a non-parametric effect replaces are reset to the base model's."""
         if isinstance(start, Nonparametric):
             base = dict(zip(self.null.model.names, self.null.model.values.tolist(), strict=True))
             stays = {name: base[name] for name in start.shape() if name in base}
@@ -97,9 +101,9 @@ class Explored:
         return model.with_effect(start)
 
     def _among_look_alikes(self, fit: Fit, name: str, bandwidth: float, least: float) -> Fit:
-        """The best among shapes of an effect between which a descent cannot choose; at first anywhere, then nearby.
+        """The best of similar shapes, between which a descent cannot choose: first over the whole range, then nearby.
 
-        Where the best of all has less log-likelihood than is asked for there is nothing to be looked for nearby.
+        The local search is left out if the best of the whole range has a log-likelihood below `least`.
         """
         for stage in _STAGES:
             effect = fit.model.effect(name)
@@ -114,7 +118,7 @@ class Explored:
         return fit
 
     def weighed(self, fit: Fit) -> Explanation | None:
-        """A fit as an explanation, where an effect came out as its special case with that; None where it is none."""
+        """Evidence of a fit; of the fit with the special case if an effect has reduced to that; None without any."""
         if fit not in self.answered:
             self.answered[fit] = self._weighed(fit)
         return self.answered[fit]
@@ -134,7 +138,7 @@ class Explored:
         )
 
     def narrowed(self, fit: Fit, name: str) -> list[Fit]:
-        """A fit with the special case of an effect in its place, if that has one and it may be named."""
+        """The fit with the special case in place of an effect; empty without one, or if it is not a candidate."""
         effect, rest = fit.model.effect(name), fit.model.without_effect(name)
         special = effect.reduced()[:1] if effect is not None else ()
         return [
@@ -145,12 +149,12 @@ class Explored:
 
 
 def _key(model: ServoModel) -> tuple[Structure, bytes]:
-    """What a fit from a model depends on."""
+    """What a fit that starts from a model depends on."""
     return Structure(model), model.values.tobytes()
 
 
 def _likelihood(fit: Fit, bandwidth: float) -> float:
-    """Log-likelihood of a fit as it is, behind an observer."""
+    """Log-likelihood of a fit with an observer of another bandwidth, without fitting again."""
     if fit.bandwidth == bandwidth:
         return fit.log_likelihood
     problem = problem_near(fit, fit.model)

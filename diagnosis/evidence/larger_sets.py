@@ -19,10 +19,10 @@ from identification.threads import in_threads
 from plant.effects import Effect
 
 ASKED = 2
-"""Sets with one name more, and with two, that are tried beside a set; and names in the place of one."""
+"""Number of sets with one added effect, and with two, that are fitted; and of effects tried in place of one."""
 STEP = 4.0
-"""From bandwidth to bandwidth."""
-_NOTHING = 1e-3  # rise of the log-likelihood that says nothing
+"""Ratio of consecutive observer bandwidths."""
+_NOTHING = 1e-3  # gain in log-likelihood that counts as none
 _STEPS = 4  # below the bandwidth of the base model alone
 
 
@@ -31,9 +31,9 @@ class Trial:
     """A set to fit.
 
     Attributes:
-        parent: a set that is there.
-        proposal: what is added to it.
-        least: log-likelihood that it has to bring to be followed further.
+        parent: a fitted set.
+        proposal: the effects to add.
+        least: gain in log-likelihood from which similar shapes and another observer are also tried.
     """
 
     parent: Explanation
@@ -42,12 +42,12 @@ class Trial:
 
     @property
     def names(self) -> frozenset[str]:
-        """Of the set."""
+        """The effects of the set."""
         return self.parent.names | self.proposal.names
 
 
 def proposals(found: Explored, parent: Explanation) -> list[Proposal]:
-    """The sets of one or two effects that promise anything beside a set."""
+    """Proposals of one or two effects to add to a set."""
     key = parent.names, parent.fit.bandwidth
     if key not in found.proposed:
         asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
@@ -63,11 +63,11 @@ def extend(
     *,
     leading_alone: bool = False,
 ) -> None:
-    """Fit the sets with one or two names more that promise most, also behind another observer.
+    """Fit the sets with one or two more effects that have the highest linearised evidence, also with another observer.
 
-    And those that would promise most if there were no discrepancy: one that has taken much over leaves little to see.
-    Two take longer than one, and what is chaotic longer than all others: they are fitted where they promise more than
-    those before have come by.
+    Also those with the highest linearised evidence without a discrepancy, for the discrepancy may have absorbed the
+    missing effect. A fit of two effects takes longer than one of a single effect, and a chaotic effect takes longest.
+    So these are fitted only if their linearised evidence is not far below the best evidence reached so far.
     """
     best = max(parent.log_marginal for parent in parents)
     proposed: dict[frozenset[str], tuple[float, Explanation, Proposal]] = {}
@@ -93,9 +93,9 @@ def extend(
 
 
 def _with_starts_of(found: Explored, parents: Sequence[Explanation], proposal: Proposal) -> Proposal:
-    """A proposal of one effect, with the starts that it has beside other parents too.
+    """A proposal of one effect, with its starts for all parents.
 
-    Where a model lacks much, only behind a fast observer its motion is that of the log.
+    If a model lacks a large effect, its motion agrees with the log only with a fast observer.
     """
     if len(proposal.names) > 1 or proposal.chaotic:
         return proposal
@@ -104,10 +104,10 @@ def _with_starts_of(found: Explored, parents: Sequence[Explanation], proposal: P
 
 
 def rise(found: Explored, parent: Explanation, parents: Sequence[Explanation]) -> None:
-    """Fit each effect beside a set, and weigh those that are worth most by that, from the starts beside all parents.
+    """Fit each effect in addition to a set, from its starts for all parents; try those with the largest gains.
 
-    A promise is linear. It is worth nothing where the model is so poor that its inertia is that of friction, or that
-    its observer and the discrepancy have taken the missing torque over.
+    The linearised evidence is useless if the model is very poor: its inertia may have absorbed friction, and the
+    observer and the discrepancy may have absorbed the missing torque.
     """
     asked = [_with_starts_of(found, parents, each) for each in proposals(found, parent) if not each.costly]
     gains = in_threads(lambda each: found.gained(parent.fit, each), asked)
@@ -116,11 +116,11 @@ def rise(found: Explored, parent: Explanation, parents: Sequence[Explanation]) -
     rising.sort(key=lambda each: -worth[each.names])
     try_sets(
         found, [Trial(parent, each) for each in rising[: 2 * ASKED]]
-    )  # a wider form may stand before what is there
+    )  # a wider form may rank before the missing effect
 
 
 def try_sets(found: Explored, trials: Sequence[Trial], bandwidth: float = np.inf) -> None:
-    """Fit some sets, also behind another observer."""
+    """Fit some sets, also with another observer."""
     new = [each for each in trials if (each.names, each.parent.fit.bandwidth) not in found.fits]
     chosen = list({(each.names, each.parent.fit.bandwidth): each for each in reversed(new)}.values())[::-1]
     for names in dict.fromkeys(each.parent.names for each in chosen):
@@ -137,9 +137,10 @@ def try_sets(found: Explored, trials: Sequence[Trial], bandwidth: float = np.inf
 
 
 def _tried(found: Explored, trial: Trial, bandwidth: float) -> Iterator[Explanation | None]:
-    """One of them, behind the observer of what is there and a slower one; nothing where it says no more than that.
+    """One trial, with the observer of its parent and with a slower one; empty if it gains no log-likelihood.
 
-    Without an observer a fit may end astray; so where it is no better there, it begins behind that of the base model.
+    With a slow observer or none, a fit may end in a local minimum. So if there is no gain, it is repeated with the
+    observer of the base model, then with slower ones.
     """
     parent, proposal, least = trial.parent, trial.proposal, trial.least
     fit = found.fitted_with(parent.fit, proposal, parent.fit.bandwidth, least)
@@ -154,15 +155,15 @@ def _tried(found: Explored, trial: Trial, bandwidth: float) -> Iterator[Explanat
     yield weighed
     if bandwidth < fit.bandwidth and fit.log_likelihood >= parent.fit.log_likelihood + least:
         yield found.weighed(found.fitted(fit, [fit.model], bandwidth))
-    if weighed is None and len(proposal.starts) > 1:  # where two do not get on, each is asked alone
+    if weighed is None and len(proposal.starts) > 1:  # the pair has no evidence: each effect is tried alone
         for starts in proposal.starts:
             yield from _tried(found, replace(trial, proposal=replace(proposal, starts=(starts,))), bandwidth)
 
 
 def _try_held(found: Explored, trial: Trial) -> None:
-    """A set in which small errors grow without bound: it is weighed behind an observer that holds it.
+    """Try a chaotic set, in which small errors grow without bound, with an observer that stabilises the prediction.
 
-    Where it is likelier there than the best of the others, all go on behind that observer, with those that compete.
+    If its evidence there exceeds that of all competing sets, the search continues with this observer for all sets.
     """
     parent = trial.parent.fit
     bandwidth = max(HELD / found.null.log.sample_time, parent.bandwidth)
@@ -178,7 +179,7 @@ def _try_held(found: Explored, trial: Trial) -> None:
 
 
 def _competing(found: Explored, bandwidth: float) -> list[Explanation]:
-    """The likeliest sets behind another observer: the first that has a fit there, and what it competes with."""
+    """The most probable sets, fitted with another observer: the first that has a fit there, and its competitors."""
     others, least = list[Explanation](), -np.inf
     for each in sorted(found.known.values(), key=lambda each: -each.log_marginal):
         if each.log_marginal < least:
@@ -196,11 +197,12 @@ def _would_add(fit: Fit, kind: type[Effect]) -> bool:
 
 
 def with_other_observers(found: Explored, best: Explanation) -> Iterator[Explanation]:
-    """A set behind slower and slower observers, as long as it gets likelier; the one before the last is best.
+    """A set with slower and slower observers, as long as its evidence rises.
 
-    None is faster than the base model needs, behind which innovations have a colour, which the discrepancy explains.
-    But the noise of a measured torque is one that nothing predicts, so that one observer suits it. Where there is one,
-    they are also faster, as long as the likelihood without a discrepancy rises as much, and then in between.
+    No observer is faster than the base model needs: the innovations would be coloured, and the discrepancy would
+    explain the colour. A measured torque has unpredictable noise, for which one bandwidth is best. Then faster
+    observers are also tried, as long as the log-likelihood without discrepancy rises at least as much as the evidence,
+    and finally steps of half the ratio in both directions.
     """
     measured = best.fit.model.lead() is not None
     fastest = np.inf if measured else found.null.bandwidth
@@ -216,12 +218,12 @@ def with_other_observers(found: Explored, best: Explanation) -> Iterator[Explana
 
 
 def _behind(found: Explored, explanation: Explanation, bandwidth: float) -> Explanation | None:
-    """The same set behind another observer; behind none where that is slower than the slowest."""
+    """The same set with another observer; without one if its bandwidth is not above the lowest allowed."""
     slowest = found.null.bandwidth / STEP**_STEPS
     fit = found.fitted(explanation.fit, [explanation.fit.model], bandwidth if bandwidth > slowest else 0.0)
     return found.weighed(fit)
 
 
 def _gained(before: Explanation, after: Explanation) -> float:
-    """Log-likelihood without a discrepancy."""
+    """Gain in log-likelihood without a discrepancy."""
     return after.fit.log_likelihood - before.fit.log_likelihood

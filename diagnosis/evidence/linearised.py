@@ -1,4 +1,4 @@
-"""The predictions of a fitted model along its log, linearised in its parameters and in small torques and readings."""
+"""Predictions of a fitted model, linearised in its parameters and in small torques and measurement errors."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from identification.problem import Problem
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
-_HUGE = 1e100  # what has overflowed, or will when it is squared
+_HUGE = 1e100  # values that have overflowed, or will when they are squared
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Linearised:
-    """Of all runs behind one observer.
+    """Linearised predictions of all runs with one observer.
 
     Attributes:
-        told: predictions with their Jacobians: the free parameters, then the initial states.
-        innovations: (T,) of all of them.
-        filters: what a torque or an error of the measurement does to the innovations.
+        told: prediction of each run with its Jacobian: the free parameters, then the initial states.
+        innovations: (T,) of all runs.
+        filters: linear filter of each run, from a torque or a measurement error to the innovations.
     """
 
     told: Sequence[Prediction]
@@ -34,7 +34,7 @@ class Linearised:
 
     @classmethod
     def at(cls, fit: Fit, bandwidth: float) -> Linearised | None:
-        """At a fit, behind an observer of a bandwidth [rad/s]; None where the motion grows without bound."""
+        """At a fit, with an observer of a bandwidth [rad/s]; None if the motion grows without bound."""
         problem, told = predicted(fit, fit.model, bandwidth)
         start = measured_state(problem.log.response)
         if not (is_bounded(told) and (fit.model.chaotic or _is_held(told, start))):
@@ -47,7 +47,7 @@ class Linearised:
         return cls(told=told, innovations=np.concatenate([p.innovations for p in told]), filters=filters)
 
     def nuisance(self, without: Sequence[int] = ()) -> Nuisance:
-        """What the parameters, but for those of some rows, and the initial states can follow."""
+        """Directions of the parameters, except those in `without`, and of the initial states."""
         kept = [row for row in range(self.told[0].jacobian.shape[1]) if row not in without]
         return Nuisance.of([replace(p, jacobian=p.jacobian[:, kept]) for p in self.told] if without else self.told)
 
@@ -56,7 +56,7 @@ class Linearised:
         return np.vstack([p.jacobian[:, list(rows)] for p in self.told])
 
     def beyond_the_rest(self, rows: Sequence[int], without: Sequence[int] = ()) -> Array:
-        """(T, len(rows)) Jacobian of some parameters beyond all others, but for those `without`, and initial states."""
+        """(T, len(rows)) Jacobian of some parameters, beyond all others except `without`, and beyond initial states."""
         return self.nuisance((*rows, *without)).beyond(self.slopes(rows))
 
 
@@ -72,10 +72,10 @@ def predicted(
 
 
 def _is_held(told: Sequence[Prediction], start: int) -> bool:
-    """Whether errors of the initial angle, or velocity, do not grow so far that nothing else is seen of the slopes."""
+    """Whether errors of the initial angle, or velocity, do not grow so far that they dominate all sensitivities."""
     return max(float(np.mean(p.jacobian[:, start - 2] ** 2)) for p in told) <= OUTGROWN**2
 
 
 def is_bounded(told: Sequence[Prediction]) -> bool:
-    """Whether neither the motion nor what depends on it has run off."""
+    """Whether the innovations and their Jacobian are bounded."""
     return all(np.abs(p.jacobian).max(initial=0.0) < _HUGE and np.abs(p.innovations).max() < _HUGE for p in told)

@@ -1,9 +1,9 @@
-"""Log marginal likelihood of a fitted set of effects beside the discrepancy.
+"""Log marginal likelihood of a fitted set of effects with the discrepancy.
 
     log Z = log p(e | a) + 1/2 log|(J_s' J_s)^-1| + log p(theta_s) - n log(catalogue)
 
-with J_s the Jacobian of the effects' parameters beyond all others (Laplace); the discrepancy's functions
-are integrated out, its amplitude a summed over.
+with J_s the Jacobian of the effects' parameters beyond all others (Laplace). The coefficients of the discrepancy are
+integrated out; the likelihood is summed over its amplitudes a.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from plant.effects.effect import Array
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """A set of effects, fitted and weighed.
+    """A fitted set of effects with its evidence.
 
     Attributes:
         names: of the effects beyond the base model.
-        weighed: the fit of all of them, beside the discrepancy.
+        weighed: the fit of the whole set, with the discrepancy.
         log_marginal: log Z.
-        screen: to ask what more there may be.
-        families: that the discrepancy is made of.
+        screen: the linearised fit, to rank further effects.
+        families: basis functions of the discrepancy.
         observer: bandwidth of the observer that the base model needs [rad/s].
-        excluded: effects of the catalogue that may not be named.
+        excluded: effects of the catalogue that are not candidates.
     """
 
     names: frozenset[str]
@@ -53,24 +53,24 @@ class Explanation:
 
     @property
     def fit(self) -> Fit:
-        """Of the base model with the effects."""
+        """The fit of the base model with the effects."""
         return self.weighed.fit
 
     @property
     def discrepancy(self) -> Discrepancy:
-        """Beside the fit."""
+        """The discrepancy at the fit."""
         return self.weighed.discrepancy
 
     @cached_property
     def sizes(self) -> Sizes:
-        """Of the effects and of the discrepancy."""
+        """Sizes of the effects and of the discrepancy."""
         at = self.weighed
         found = Sizes.of(at.fit, self.names, self.families, at.noise, at.posterior.functions, self.observer)
         return replace(found, excluded=self.excluded)
 
     @property
     def may_be(self) -> frozenset[str]:
-        """Its names, and simpler effects that they may be instead."""
+        """Its effects, and the special cases that may take their place."""
         return self.names | {special for special, _ in self.sizes.beyond_special.values() if special is not None}
 
 
@@ -83,22 +83,22 @@ def weigh(
     observer: float,
     excluded: Collection[str] = (),
 ) -> Explanation | None:
-    """A fit as an explanation; None where a motion or what depends on it grows without bound.
+    """The evidence of a fit; None if its motion or its sensitivities grow without bound.
 
     Args:
         fit: of a model with effects.
-        base: names of those effects that every explanation has.
-        families: the same for all that are compared.
-        catalogue: number of effects that might be named.
+        base: names of the effects of the base model.
+        families: basis functions of the discrepancy, the same for all sets that are compared.
+        catalogue: number of candidate effects.
         observer: bandwidth of the observer that the base model needs [rad/s].
-        excluded: effects of the catalogue that may not be named.
+        excluded: effects of the catalogue that are not candidates.
     """
     names = frozenset(effect.name for effect in fit.model.effects) - set(base)
     found = Weighed.at(fit, names, families)
     if found is None:
         return None
     here, discrepancy = found.here, found.discrepancy
-    # The discrepancy may hold what is missing, so it is asked beside it and beyond the parameters alone.
+    # The discrepancy may absorb a missing effect, so scores are calculated beyond it and beyond the parameters alone.
     views = (discrepancy.beyond(here.innovations), discrepancy.left)
     torque, reading = score(here.filters, np.column_stack(views))
     problem = Problem.of(fit.log, fit.model, known=fit.known)
@@ -119,7 +119,7 @@ def weigh(
 
 
 def families_along(fit: Fit) -> Families | None:
-    """The families along the motion of a fitted model; None where that grows without bound."""
+    """The families along the motion of a fitted model; None if that grows without bound."""
     here = Linearised.at(fit, fit.bandwidth)
     if here is None:
         return None

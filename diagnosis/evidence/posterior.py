@@ -1,27 +1,27 @@
-"""The joint posterior over sets of effects, and what may be said of each name.
+"""The joint posterior over sets of effects, and the probability of each effect.
 
-No set is exact, and what is wrong with one is wrong for many samples on end, which the evidence counts as if each were
-news. So the log is drawn again: with Dirichlet weights z of its blocks a set k has
+No set is exact. Model errors are correlated over many samples, but the evidence counts the samples as independent. So
+the blocks of the log are resampled (Bayesian bootstrap): with Dirichlet weights z of the blocks a set k has
 
     log Z_k(z) = log Z_k + sum_b (z_b - 1) log p(block b | k),
 
-and its probability is the average over z (pseudo-BMA+; Yao, Vehtari, Simpson and Gelman 2018). It is sure where nearly
-all blocks speak for it.
+and its probability is the average over z (pseudo-BMA+; Yao, Vehtari, Simpson and Gelman 2018). The probability is close
+to one only if nearly all blocks favour the set.
 
-What validation data say against an effect, block by block, is drawn again likewise, and taken from every set that holds
-it: they can make a name less likely, never more.
+The log-likelihood that an effect loses on validation data is resampled in the same way and subtracted from every set
+with the effect: validation data can lower the probability of an effect, never raise it.
 
-What is significant, but smaller than what no name explains, may well be a part of that. So a name keeps
+An effect that is significant, but smaller than the unexplained part, may be a part of it. So an effect keeps
 
     r^2 / (1 + r^2)
 
-of its probability, with r what it changes in the innovations over what has no name does there, or over a
-hundredth of the largest other effect, which that one's law may be wrong by; the rest goes to the same set without it.
-An effect that has a simpler one as its special case is asked twice: what it adds to that has to exceed a hundredth of
-itself. Whether a discrepancy explains it as well is asked by the evidence alone.
+of its probability. Here r is its change of the innovations, divided by that of the discrepancy and the non-parametric
+effects, or by a hundredth of the largest other effect (the error of that one's law), whichever is larger. The rest goes
+to the same set without it. An effect with a simpler special case is tested a second time: what it adds to the special
+case has to exceed a hundredth of the effect itself.
 
-Likewise a set with something that has no name keeps as much beside the likeliest set of names alone: what it explains
-beyond that has to exceed a hundredth of the largest effect there.
+The same rule holds for a set with a non-parametric effect, compared with the most probable set of catalogue effects
+alone: what it explains beyond that set has to exceed a hundredth of the largest effect there.
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ from plant.effects import catalogue
 from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
 
-_NEGLIGIBLE = 1e-4  # probability of a set that is not weighed against the discrepancy any further
-_DRAWS = 1000  # of the blocks
-_SURELY = 1e6  # ratio that is as good as any larger one
+_NEGLIGIBLE = 1e-4  # probability below which a set is not divided any further
+_DRAWS = 1000  # of the block weights
+_SURELY = 1e6  # largest ratio, against overflow
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Posterior:
-    """Over sets.
+    """Posterior over sets of effects.
 
     Attributes:
-        sets: as they were fitted, the likeliest first.
-        probabilities: of each, by the evidence alone, averaged over the blocks drawn again.
-        reported: sets of names, the likeliest first, with what remains of each beside the discrepancy.
+        sets: the fitted sets, in order of decreasing evidence.
+        probabilities: of each set, by the evidence alone, averaged over the resampled blocks.
+        reported: probability of each set after the size rules, the most probable set first.
     """
 
     sets: tuple[Explanation, ...]
@@ -61,7 +61,7 @@ class Posterior:
 
     @classmethod
     def over(cls, explanations: Iterable[Explanation], against: Mapping[str, Array] | None = None) -> Posterior:
-        """Of all that were weighed; `against` has (B,) log-likelihoods by which validation data speak against names."""
+        """Posterior over all sets; `against` has for effects the (B,) change of log-likelihood on validation data."""
         ordered = sorted(explanations, key=lambda each: -each.log_marginal)
         probabilities = tuple(over_blocks(ordered, against or {}).tolist())
         reported: dict[frozenset[str], float] = {}
@@ -76,11 +76,11 @@ class Posterior:
 
     @cached_property
     def leading(self) -> frozenset[str]:
-        """The names that are likelier there than not, which predict best together.
+        """The effects with a probability above 0.5 (median probability model; Barbieri and Berger 2004).
 
-        (The median probability model; Barbieri and Berger 2004.) Where more than these is missing likelier than not,
-        the likeliest set that holds them: of look-alikes none may be likely by itself, but one of them is there. What
-        is likely by the evidence alone is minor, and no more.
+        If the probability that further effects are missing exceeds 0.5, it is the most probable set that contains
+        these effects: of confounded effects each may have a low probability, although one of them is present. Effects
+        that exceed 0.5 by the evidence alone are minor and are not added.
         """
         names = frozenset(name for each in self.reported for name in each)
         likely = frozenset(name for name in names if self.probability(name) > LIKELY)
@@ -90,46 +90,46 @@ class Posterior:
 
     @cached_property
     def best(self) -> Explanation:
-        """The fit of the leading set; where it is not among the fits, the likeliest that holds its names, or any."""
+        """The fit of the leading set; else the best fit of a set that contains it; else the best of all."""
         holding = [each for each in self.sets if self.leading <= each.names]
         exact = [each for each in holding if each.names == self.leading]
         return (exact or holding or self.sets)[0]
 
     def of(self, name: str) -> float:
-        """Probability that an effect is there by the evidence alone: of all sets that hold it together."""
+        """Posterior probability of an effect by the evidence alone: the sum over all sets with it."""
         return sum(p for each, p in zip(self.sets, self.probabilities, strict=True) if name in each.names)
 
     def probability(self, name: str) -> float:
-        """Probability that an effect is there, and no part of what no name explains."""
+        """Posterior probability of an effect after the size rules."""
         return sum(p for names, p in self.reported.items() if name in names)
 
     def complete(self, told: Collection[str]) -> float:
-        """Probability that nothing is missing beside some names, wider forms of them aside."""
+        """Probability that no effect is missing from `told`; an effect with a special case in `told` is not missing."""
         return sum(p for names, p in self.reported.items() if all(special_cases(n) & {*told} for n in names))
 
     def names(self) -> dict[str, float]:
-        """Each name with its probability by the evidence alone, the likeliest first."""
+        """Each catalogue effect with its probability by the evidence alone, the most probable first."""
         every = {name for names in self.reported for name in names.difference(unnamed)}
         return dict(sorted(((name, self.of(name)) for name in every), key=lambda item: -item[1]))
 
     def nameless(self, kinds: Collection[str] = tuple(unnamed)) -> float:
-        """Probability that something without a name, of some kinds, is there in the place of effects."""
+        """Probability that non-parametric effects of some kinds are in the set."""
         return sum(p for names, p in self.reported.items() if not names.isdisjoint(kinds))
 
     def over_discrepancy(self, name: str) -> float:
-        """Size of an effect over that of what has no name, in the likeliest set that holds it."""
+        """Size of an effect divided by that of the unexplained part, in the set with the highest evidence."""
         holder = next(each for each in self.sets if name in each.names)
         return holder.sizes.effects[name] / max(holder.sizes.without_name, 1e-300)
 
 
 def special_cases(name: str) -> set[str]:
-    """An effect and those that it contains."""
+    """An effect and its special cases."""
     kind = catalogue.get(name)
     return {name, *(() if kind is None else kind.contains)}
 
 
 def over_blocks(sets: Sequence[Explanation], against: Mapping[str, Array]) -> Array:
-    """(S,) probabilities of sets, averaged over logs that consist of blocks of this one drawn again."""
+    """(S,) probabilities of sets, averaged over random weights of the blocks of the log."""
     draw = np.random.default_rng(0)
 
     def again(count: int) -> Array:
@@ -145,10 +145,11 @@ def over_blocks(sets: Sequence[Explanation], against: Mapping[str, Array]) -> Ar
 
 
 def beside_discrepancy(explanation: Explanation, probability: float) -> dict[frozenset[str], float]:
-    """The sets that one may be when parts of the discrepancy are taken out of it, with their shares of its probability.
+    """The subsets that remain if effects are attributed to the discrepancy, with their shares of the probability.
 
-    The smallest effect is asked first. Without it, one that looks like it is larger. Where the discrepancy is as large
-    as it may be, the fit has failed: each effect may well be the nearest there is to what is missing.
+    The smallest effect is tested first: without it, an effect that is confounded with it is larger. If the discrepancy
+    is at its largest amplitude, the fit has failed; then an effect keeps at most half of its probability, for it may
+    only be the best available approximation.
     """
     found: dict[frozenset[str], float] = {}
     sound = LIKELY if explanation.discrepancy.posterior.at_its_limit else 1.0
@@ -163,7 +164,7 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
             wide = whole * kept_share(more, INEXACT * sizes[name])
-            simple = kept if special is None else kept | {special}  # excluded, it is there without a name
+            simple = kept if special is None else kept | {special}  # an excluded special case is not reported
             ask(left - {name}, simple, out, p * (whole - wide))
         ask(left - {name}, kept | {name}, out, p * wide)
         ask(left - {name}, kept, out | {name}, p * (1.0 - whole))
@@ -174,10 +175,10 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
 
 
 def beside_names(explanation: Explanation, named: Explanation) -> float:
-    """Share of its probability that a set with something without a name keeps beside the likeliest set of names alone.
+    """Share of its probability that a set with a non-parametric effect keeps against the best set without any.
 
-    What it explains beyond those is counted by the likelihood, without the charges for a choice: a change d of the
-    innovations is worth d^2 / (2 s^2).
+    The size of what it explains beyond that set follows from the gain in log-likelihood, without the penalty for the
+    number of effects: a change d of the innovations gains d^2 / (2 s^2).
     """
     laws = [size for size in named.sizes.effects.values() if np.isfinite(size)]
     if explanation.names.isdisjoint(unnamed) or not laws:
@@ -187,6 +188,6 @@ def beside_names(explanation: Explanation, named: Explanation) -> float:
 
 
 def kept_share(size: float, beside: float) -> float:
-    """Share of its probability that an effect of such a size keeps beside what it has to exceed [rad] [-]."""
+    """Share of its probability that an effect keeps [-], from its size and the size it has to exceed [rad]."""
     ratio = min(size / max(beside, 1e-300), _SURELY)
     return float(ratio**2 / (1.0 + ratio**2))

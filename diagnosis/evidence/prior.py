@@ -1,8 +1,8 @@
-"""What is thought of an effect's parameters before a log is seen.
+"""Prior density of an effect's parameters.
 
-A size, a time constant or an order may lie anywhere within three decades, each decade as likely as the next: the
-density is 1 / (value ln 1000). So no unit and no scale of the machine takes part. Where on the log's clock, the travel
-or the turn something lies is as likely anywhere.
+A size, a time constant or an order is log-uniform over three decades: the density is 1 / (value ln 1000). So the prior
+depends on no unit and no scale of the machine. An instant is uniform over the log, an angle or position over the range
+of travel, a phase over the turn.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from plant.effects.nonparametric_curve import Nonparametric
 
 _DECADES = float(np.log(1000.0))
 LOG_UNIFORM = float(np.log(_DECADES / np.sqrt(2.0 * np.pi)))
-"""What a size costs that is known to a standard error as large as itself."""
+"""Prior cost of a size whose standard error is as large as itself."""
 
 
 def forms(kind: type[Effect]) -> int:
-    """What an effect counts as: one that has a simpler one as its special case counts as that and one more.
+    """Number of effects that an effect counts as in the penalty: two if it has a simpler special case, else one.
 
-    So Stribeck friction is no likelier before than Coulomb friction with something beside it. What has no name has
-    names as special cases.
+    So Stribeck friction has the prior probability of Coulomb friction with one more effect. A non-parametric effect
+    has catalogue effects as special cases and counts twice.
     """
     return 1 if kind.reduced is Effect.reduced and not issubclass(kind, Nonparametric) else 2
 
 
 def log_density(fit: Fit, name: str, std: float) -> float:
-    """Of a fitted parameter `effect.parameter` at its value; its standard error blurs it."""
+    """Log prior density of a parameter `effect.parameter` at its estimate, or at its standard error if larger."""
     place = fit.model.names.index(name)
     spec, value = fit.model.parameters[place], abs(float(fit.model.values[place]))
     runs = fit.log.runs

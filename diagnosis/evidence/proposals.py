@@ -1,4 +1,4 @@
-"""Which sets of one or two effects promise most beside an explanation, and where their fits begin."""
+"""The sets of one or two added effects with the highest linearised evidence, and the starts of their fits."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from diagnosis.evidence.signatures import Signatures
 from identification.least_squares import bounded_least_squares
 from plant.effects import Effect
 
-_FIRST = 6  # effects beside which a second is looked for
-_NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own
+_FIRST = 6  # effects to which a second one is added
+_NEAR = 0.4  # share of the best shape's evidence above which another shape is a further start
 _STARTS = 4
 
 
@@ -24,10 +24,10 @@ class Proposal:
     """A set of effects to add to a model, each with its starts, the best first.
 
     Attributes:
-        value: log Bayes factor that it promises.
-        worth: log Bayes factor by the log-likelihood that it brings.
+        value: linearised evidence, a log Bayes factor.
+        worth: log Bayes factor as a function of the gain in log-likelihood.
         starts: of each effect.
-        leads: whether nothing would promise more if there were no discrepancy.
+        leads: whether its linearised evidence without discrepancy is the highest of its number of effects.
     """
 
     value: float
@@ -37,25 +37,25 @@ class Proposal:
 
     @property
     def names(self) -> frozenset[str]:
-        """Of the effects."""
+        """Names of the effects."""
         return frozenset(starts[0].name for starts in self.starts)
 
     @property
     def chaotic(self) -> bool:
-        """Whether one of them is."""
+        """Whether one of the effects is chaotic."""
         return any(starts[0].chaotic for starts in self.starts)
 
     @property
     def costly(self) -> int:
-        """How long a fit takes: 0 of one effect, 1 of two, 2 of what is chaotic."""
+        """Class of computing time: 0 for one effect, 1 for two, 2 for a chaotic effect."""
         return 2 if self.chaotic else len(self.starts) - 1
 
 
 def proposals_of(signatures: Signatures) -> list[Proposal]:
-    """The sets of one or two effects, each with what it promises.
+    """The sets of one or two effects, each with its linearised evidence.
 
-    Beside a discrepancy that has taken a missing effect over, the effect brings next to nothing. So each set is
-    asked about beside discrepancies of several sizes, and has what it makes with the best of them.
+    A discrepancy that has absorbed a missing effect hides it. So the linearised evidence is calculated with
+    discrepancies of several sizes, and the highest value counts.
     """
     best: dict[frozenset[str], Proposal] = {}
     for likelihood, products in signatures.views:
@@ -72,13 +72,13 @@ def proposals_of(signatures: Signatures) -> list[Proposal]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Ranking:
-    """By what the signatures explain beside one view of the discrepancy."""
+    """Ranking by the power that the signatures explain, with one size of the discrepancy."""
 
     signatures: Signatures
     products: Products
 
     def proposals(self, likelihood: float) -> list[Proposal]:
-        """Each effect, and two of them where they promise more than either alone."""
+        """Each effect, and pairs of effects whose linearised evidence exceeds that of either alone."""
         alone = self._best(self.products)
         found = [self._proposal((shape,), likelihood + value) for value, shape in alone.values()]
         leading = sorted(alone.values(), key=lambda pair: -pair[0])[:_FIRST]
@@ -90,9 +90,9 @@ class _Ranking:
         return found
 
     def _best(self, products: Products, beside: Signature | None = None) -> dict[str, tuple[float, Signature]]:
-        """The best shape of each effect that explains anything, beside one perhaps, and what it promises.
+        """The best shape of each effect and its linearised evidence, optionally in addition to another effect.
 
-        With signs left free a shape explains no less; so only those are looked at that might still be the best.
+        The power without sign constraints is an upper bound; shapes below the best so far by this bound are skipped.
         """
         best: dict[str, tuple[float, Signature]] = {}
         most = unbounded(products, self.signatures.plain, self.signatures.shapes)
@@ -110,11 +110,11 @@ class _Ranking:
         return best
 
     def _evidence(self, products: Products, power: float) -> float:
-        """Of an explained power."""
+        """Gain in log-likelihood by an explained power."""
         return -0.5 * self.signatures.samples * float(np.log(max(1.0 - power / max(products.power, 1e-300), 1e-12)))
 
     def _value(self, evidence: float, *shapes: Signature) -> float:
-        """Of an evidence: less what the priors of the sizes, the search and the catalogue cost."""
+        """The gain in log-likelihood less the costs of the priors, of the compared shapes and of the catalogue."""
         return evidence - sum(self._cost(evidence, shape) for shape in shapes)
 
     def _cost(self, evidence: float, shape: Signature) -> float:

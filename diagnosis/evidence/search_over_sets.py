@@ -1,7 +1,7 @@
-"""The search over sets of effects: from the best set to those with one or two more, one less or one other.
+"""The search over sets of effects: from the best set to those with one or two more, one less or one exchanged.
 
-Each set is fitted exactly and weighed beside the discrepancy. The observer is a part of the noise model: each set is
-judged by the bandwidth that suits it best. What needs no observer behind it is predicted without one.
+Each set is fitted exactly, and its evidence is calculated with the discrepancy. The observer is a part of the noise
+model: each set has the bandwidth with its highest evidence, zero (no observer) included.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from plant.effects import Effect
 from plant.effects.nonparametric import unnamed
 
 _InPlace: TypeAlias = Callable[[Explored, Explanation, frozenset[str], float | None], list[Proposal]]
-_NEAR = 0.3  # of a promise, that it may be too large: linearised, it is rough
-_RETUNED = 3  # sets whose observer is chosen anew
-_MOST = 5  # times that names are added, and names in a set from which on none is
+_NEAR = 0.3  # share by which the linearised evidence may be too large
+_RETUNED = 3  # sets whose observer bandwidth is optimised again
+_MOST = 5  # rounds of adding effects, and number of effects in a set from which none is added
 
 
 @without_blas_threads
 def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[str], None] | None = None) -> Explored:
-    """All sets worth a look beyond a fitted base model."""
+    """Search the sets of effects beyond a fitted base model."""
     tell = progress or (lambda line: None)
     families = families_along(null)
     if families is None:
@@ -64,7 +64,7 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
 
 
 def _fit_leading(found: Explored) -> None:
-    """Fit the set of all names that are likelier there than not, if it was not yet: it will be the model."""
+    """Fit the leading set of the posterior if it has not been fitted: it becomes the model."""
     tried = set[frozenset[str]]()
     while True:
         posterior = Posterior.over(found.known.values())
@@ -83,10 +83,10 @@ def _fit_leading(found: Explored) -> None:
 
 
 def _improve(found: Explored) -> None:
-    """Add names to the best set, and take such away, while that makes a better one.
+    """Add effects to the best set, and remove effects from it, as long as the evidence rises.
 
-    Where what came last is smaller than the discrepancy, so would be what comes next, unless that is in it: then only
-    those are asked that would promise most without one.
+    If the last added effects are smaller than the discrepancy, further ones would be too, unless the discrepancy has
+    absorbed them. Then only the sets with the highest linearised evidence without discrepancy are tried.
     """
     before: Explanation | None = None
     for _ in range(_MOST):
@@ -100,9 +100,10 @@ def _improve(found: Explored) -> None:
 
 
 def _parents(found: Explored, best: Explanation) -> list[Explanation]:
-    """What is asked for more: the best set, and where it lacks something the one that leaves least behind an observer.
+    """The sets to extend: the best one and, if its unmodelled torque is probably not zero, a second one.
 
-    That of the base model, behind which also a poor model follows the log.
+    That is the set with the highest log-likelihood with the observer of the base model: with it, a poor model also
+    follows the log.
     """
     observed = [each for (_, bandwidth), each in found.fits.items() if bandwidth == found.null.bandwidth]
     if not observed or best.discrepancy.posterior.material <= LIKELY:
@@ -117,11 +118,11 @@ def _are_small(explanation: Explanation, names: Collection[str]) -> bool:
 
 
 def _retune(found: Explored) -> None:
-    """Lower the bandwidth of the best sets to where they are likeliest: what is named or smooth is no observer's work.
+    """Lower the observer bandwidth of the best sets as long as their evidence rises.
 
-    Also of the set that leaves least without a discrepancy: behind a fast observer that one may explain as much as a
-    name. It never rises: behind an observer that is faster than the log asks for, innovations have a colour, which
-    anything that carries the measurement's noise would explain.
+    Also of the set with the highest log-likelihood without discrepancy: with a fast observer a discrepancy may explain
+    as much as an effect. Only with a measured torque the bandwidth may also rise: with an observer that is faster than
+    necessary the innovations are coloured, and every signal with the noise of the measurement would explain them.
     """
 
     def lowered(best: Explanation) -> list[Explanation]:
@@ -135,7 +136,7 @@ def _retune(found: Explored) -> None:
 
 
 def _replace(found: Explored) -> None:
-    """Ask for every name that is not minor, and two that one effect is confounded with, what may stand there."""
+    """Try other effects in place of each effect that is not minor, and of pairs with a common confounded effect."""
     before = -np.inf
     while (best := found.best).names and best.log_marginal > before + HARDLY_EVER:
         before = best.log_marginal
@@ -147,10 +148,10 @@ def _replace(found: Explored) -> None:
 
 
 def _replace_without_name(found: Explored) -> None:
-    """Ask there what has no name: else a name that only looks like the cause would be sure.
+    """Try non-parametric effects in place of effects: otherwise an effect that resembles the cause seems certain.
 
-    Beside that names may be left out, but none is added: each would have to exceed it. Where nothing would be named,
-    what has no name is asked by itself.
+    After such a replacement effects may be removed, but none is added: each would have to exceed the non-parametric
+    effect. If no effect would be reported, non-parametric effects are also added to the best set.
     """
     before = -np.inf
     while (best := found.best).log_marginal > before + HARDLY_EVER:
@@ -163,14 +164,14 @@ def _replace_without_name(found: Explored) -> None:
 
 
 def _names_nothing(found: Explored) -> bool:
-    """Whether no effect of the machine is likelier there than not."""
+    """Whether no effect of the machine has a probability above 0.5; a lag of the torque measurement does not count."""
     posterior = Posterior.over(found.known.values())
     measured = {name for name, kind in found.effects.items() if kind.measured}
     return not any(posterior.probability(name) > LIKELY for name in posterior.names().keys() - measured)
 
 
 def _try_in_places(found: Explored, best: Explanation, places: Sequence[frozenset[str]], in_place: _InPlace) -> None:
-    """Fit what may stand in the places of names of a set."""
+    """Fit the sets with other effects in place of some effects of a set."""
 
     def asked(out: frozenset[str]) -> list[Trial]:
         less = _less(found, best, out) if out else best
@@ -183,7 +184,7 @@ def _try_in_places(found: Explored, best: Explanation, places: Sequence[frozense
 
 
 def _places(found: Explored, best: Explanation) -> list[frozenset[str]]:
-    """Names that are not minor, and two of them that one effect is confounded with."""
+    """Effects that are not minor, and pairs of them that are confounded with the same effect."""
     named = sorted(best.names.difference(unnamed))
     large = [name for name in named if best.sizes.effects[name] >= best.sizes.to_exceed(name)]
     two = (
@@ -202,15 +203,16 @@ def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
 
 
 def _roughly_promised(found: Explored, less: Explanation, out: frozenset[str]) -> float | None:
-    """The least that names which were taken out of a set may be worth there: linearised, a promise is rough."""
+    """Lower limit of the linearised evidence of effects removed from a set, with a margin; None without a proposal."""
     promised = [each.value for each in proposals(found, less) if each.names == out]
     return max(promised) - max(HARDLY_EVER, _NEAR * max(promised)) if promised else None
 
 
 def _in_place(found: Explored, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:
-    """What promises at least so much beside a set that names were taken out of, and wider forms of them.
+    """Single effects to add in place of removed ones: those with at least the linearised evidence `least`.
 
-    Of a chaotic effect a promise says little, so it is asked for where it is confounded with such a name.
+    Also wider forms of the removed effects, and all effects confounded with them: the linearised evidence of a chaotic
+    effect says little.
     """
     others = [each for each in proposals(found, less) if len(each.names) == 1 and not each.names & out]
     ranked = sorted(others, key=lambda each: -each.value)
@@ -224,20 +226,20 @@ def _in_place(found: Explored, less: Explanation, out: frozenset[str], least: fl
 
 
 def _without_name(found: Explored, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:
-    """What has no name and promises at least as much as the names that were taken out of a set."""
+    """Non-parametric effects with at least the linearised evidence `least`."""
     return [each for each in without_name(less) if least is not None and each.value >= least][:ASKED]
 
 
 def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
-    """Effects that say of themselves that they look like one, or that it says so of."""
+    """Effects that are declared as confounded with an effect, on either side."""
     own = effects[name].confused_with if name in effects else ()
     return frozenset(other for other, kind in effects.items() if other in own or name in kind.confused_with)
 
 
 def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanation | None:
-    """The set without some names, behind the same observer or behind that of the base model, whichever suits it.
+    """The set without some effects, with the same observer or that of the base model, whichever has more evidence.
 
-    From the latter it goes on behind slower ones: straight there a fit may end astray.
+    From the latter, slower observers are tried step by step: with a slow one at once, a fit may end in a local minimum.
     """
     names, model = best.names - out, best.fit.model
     for name in out:
@@ -254,5 +256,5 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
 
 
 def _without_each(found: Explored, best: Explanation) -> None:
-    """The sets with one name less."""
+    """Fit the sets with one effect less."""
     in_threads(lambda name: _less(found, best, frozenset({name})), sorted(best.names))

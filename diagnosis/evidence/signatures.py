@@ -1,7 +1,7 @@
 """The signatures of all effects at one fitted model.
 
-A signature is what a small effect would do to the innovations. All of them are drawn once; whether one effect is asked
-about, or two together, is then a matter of their inner products, without another pass over the log.
+A signature is the change of the innovations by a small effect. All signatures are calculated once. What one or two
+effects explain then follows from inner products, without another pass over the log.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from identification.threads import in_threads
 from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
 
-_CLOSER = 4  # shapes of an effect between whose neighbours it is looked again
+_CLOSER = 4  # best shapes of an effect that are refined
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Signatures:
-    """Of some effects at an explanation.
+    """Signatures of some effects at a fitted set.
 
     Attributes:
-        shapes: all of them.
+        shapes: all shapes of all effects.
         plain: products beyond the parameters.
-        views: products beyond the parameters and the discrepancy: as large as it is, smaller, and without it; each with
-            what the log says of a discrepancy of that size, against the one at hand.
+        views: products beyond the parameters and the discrepancy: the most probable one, smaller ones, and none; each
+            with its log-likelihood relative to the best of them.
         samples: N.
-        catalogue: number of effects.
+        catalogue: number of candidate effects.
     """
 
     shapes: tuple[Signature, ...]
@@ -46,7 +46,7 @@ class Signatures:
 
     @classmethod
     def at(cls, explanation: Explanation, effects: Mapping[str, type[Effect]], catalogue: int) -> Signatures:
-        """Draw them."""
+        """Calculate them."""
         screen, discrepancy = explanation.screen, explanation.discrepancy
         parameters = Nuisance(own=discrepancy.own, shared=discrepancy.shared)
         left = parameters.beyond(screen.innovations)
@@ -107,7 +107,7 @@ class Signatures:
 
 
 def _closer(shapes: Sequence[Signature], products: Products, motion: Motion) -> Iterator[tuple[str, Trace]]:
-    """Traces between those that promise most, of each effect."""
+    """Refined traces, near the shapes of each effect that explain most."""
     by_name: dict[str, list[tuple[float, Signature]]] = {}
     for power, shape in zip(powers(products, products, shapes), shapes, strict=True):
         by_name.setdefault(shape.name, []).append((power, shape))
@@ -120,7 +120,7 @@ def _closer(shapes: Sequence[Signature], products: Products, motion: Motion) -> 
 
 
 def _handfuls(traces: Iterable[tuple[str, Trace]]) -> Iterator[list[tuple[str, Trace]]]:
-    """A few at a time: as many columns as are followed at once, those of torques and of the measurement apart."""
+    """Groups of traces with at most `AT_ONCE` columns; torques and measurement errors are in separate groups."""
     some: list[tuple[str, Trace]] = []
     for name, trace in traces:
         full = sum(t.columns.shape[1] for _, t in some) + trace.columns.shape[1] > AT_ONCE

@@ -1,7 +1,7 @@
-"""How large effects are beside the discrepancy, in one currency: what each of them changes in the innovations.
+"""Sizes of the effects and of the discrepancy, in one unit: the change of the innovations by each of them.
 
-Torques, delays, lags and measurement errors compare in it, but only where the innovations are white: of a free-run
-simulation the slowest of them would be all. So it is asked behind the observer that the base model needs.
+In this unit torques, delays, lags and measurement errors are comparable, but only if the innovations are white: in a
+free simulation the slowest errors would dominate. So sizes are calculated with the observer that the base model needs.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from plant.effects.nonparametric import unnamed
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sizes:
-    """Norms of changes of the innovations, beyond what all other parameters can follow [rad].
+    """Norms of changes of the innovations, beyond the directions of all other parameters [rad].
 
     Attributes:
         fit: of a set of effects.
-        names: of them.
-        bandwidth: of the observer behind which is asked [rad/s].
-        here: the fit behind it; None where its motion grows without bound: then each effect is larger than all else.
-        discrepancy: of what has no name.
-        excluded: effects of the catalogue that may not be named.
+        names: of these effects.
+        bandwidth: of the observer used here [rad/s].
+        here: the fit linearised with it; None if its motion grows without bound: then each effect has infinite size.
+        discrepancy: size of the discrepancy.
+        excluded: effects of the catalogue that are not candidates.
     """
 
     fit: Fit
@@ -46,7 +46,7 @@ class Sizes:
     def of(
         cls, fit: Fit, names: Collection[str], families: Families, noise: float, functions: Array, observer: float
     ) -> Sizes:
-        """Of the effects of a fitted set and of a discrepancy with such coefficients (M + R,), behind an observer."""
+        """Sizes for a fitted set and a discrepancy with coefficients `functions` (M + R,), with an observer."""
         bandwidth = max(observer, fit.bandwidth)
         here, discrepancy = Linearised.at(fit, bandwidth), 0.0
         if here is not None:
@@ -56,22 +56,22 @@ class Sizes:
 
     @cached_property
     def without_name(self) -> float:
-        """Of the discrepancy, and of what stands without a name in the place of an effect."""
+        """Size of the unexplained part: of the discrepancy and the non-parametric effects together."""
         instead = [self.effects[each] for each in sorted(self.names.intersection(unnamed)) if self.here is not None]
         return float(np.hypot.reduce([self.discrepancy, *instead]))
 
     def to_exceed(self, name: str) -> float:
-        """What an effect has to be larger than: what has no name, and what the law of another may be wrong by."""
+        """Size an effect has to exceed: the unexplained part, and a hundredth of the largest other effect."""
         others = (size for other, size in self.effects.items() if other != name)
         return max(self.without_name, INEXACT * max(others, default=0.0))
 
     @cached_property
     def effects(self) -> dict[str, float]:
-        """Of each effect, if it is taken out."""
+        """Size of each effect: the change if it is removed."""
         return {name: self.beyond(name) for name in sorted(self.names)}
 
     def beyond(self, name: str, without: frozenset[str] = frozenset()) -> float:
-        """Of an effect, if it is taken out where others are out already, which then hide nothing of it."""
+        """Size of an effect if the effects `without` are removed too; their parameters then absorb nothing of it."""
         if self.here is None or name not in self._changes:
             return np.inf
         owners = [self.fit.model.names[place].split(".")[0] for place in self.fit.free]
@@ -82,7 +82,7 @@ class Sizes:
 
     @cached_property
     def beyond_special(self) -> dict[str, tuple[str | None, float]]:
-        """Of those that have a simpler effect as a special case: its name if it may have one, and what is beyond it."""
+        """For each effect with a special case: the name of that (None if excluded), and the size of the rest."""
         found: dict[str, tuple[str | None, float]] = {}
         for effect in self.fit.model.effects if self.here is not None else ():
             for special in effect.reduced()[:1] if effect.name in self.names else ():
@@ -98,7 +98,7 @@ class Sizes:
 
     @cached_property
     def _changes(self) -> dict[str, Array]:
-        """(T,) what each effect changes in the innovations, but for those without which the motion runs off."""
+        """(T,) change of the innovations if an effect is removed; left out if the motion then diverges."""
         found = {}
         for name in sorted(self.names) if self.here is not None else ():
             less = self.fit.model.without_effect(name)
@@ -109,7 +109,7 @@ class Sizes:
 
     @cached_property
     def _triangle(self) -> Array:
-        """(F + E, F + E) the slopes of the parameters and what effects change, in a basis of what they span."""
+        """(F + E, F + E) triangular factor of the Jacobian of the parameters and the changes by the effects."""
         assert self.here is not None
         rows = range(len(self.fit.free))
         columns = np.column_stack((self.here.slopes(rows), *self._changes.values()))

@@ -1,4 +1,4 @@
-"""A fitted model weighed beside the discrepancy: the likelihood over all that is free, linearised at the fit."""
+"""Marginal likelihood of a fitted model with the discrepancy, linearised at the fit."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from identification.problem import Problem
 from plant.effects.effect import Array
 from plant.effects.nonparametric_curve import Nonparametric
 
-_FOLLOWED = 1e-4  # of a parameter's slopes, to which all others can follow it if it is not determined
+_FOLLOWED = 1e-4  # share of a parameter's Jacobian beyond all others; with less it is collinear, not determined
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Weighed:
-    """A model with an unmodelled torque beside it, linearised at a fit: the likelihood over all that is free.
+    """Marginal likelihood of a model with the discrepancy, linearised at a fit.
 
     Attributes:
-        fit: at which it was.
-        here: its predictions.
-        noise: as which errors of the measurement are counted [rad].
-        unmodelled: (T,) what the torque of the families is likeliest to change in the innovations.
-        discrepancy: beside the model.
-        log_likelihood: over functions, amplitudes and parameters.
+        fit: the point of linearisation.
+        here: its linearised predictions.
+        noise: rms innovation, the unit of measurement errors [rad].
+        unmodelled: (T,) change of the innovations by the most probable unmodelled torque.
+        discrepancy: at the fit.
+        log_likelihood: marginalised over coefficients and amplitudes of the discrepancy and parameters of the effects.
     """
 
     fit: Fit
@@ -43,7 +43,7 @@ class Weighed:
 
     @classmethod
     def at(cls, fit: Fit, names: Collection[str], families: Families) -> Weighed | None:
-        """Of a fit with some effects beyond the base model; None where the motion grows without bound."""
+        """For a fit with some effects beyond the base model; None if the motion grows without bound."""
         here = Linearised.at(fit, fit.bandwidth)
         if here is None:
             return None
@@ -67,11 +67,11 @@ class Weighed:
 
     @property
     def posterior(self) -> Posterior:
-        """Of the discrepancy."""
+        """Posterior of the discrepancy."""
         return self.discrepancy.posterior
 
     def by_block(self, blocks: int) -> Array:
-        """(B,) log-likelihood of the blocks of the log, with the likeliest discrepancy."""
+        """(B,) log-likelihood of the blocks of the log, with the most probable discrepancy."""
         variance = self.posterior.variance
         left = self.discrepancy.left - self.discrepancy.columns @ self.posterior.functions
         weight = np.concatenate([run.weight for run in self.here.filters])
@@ -80,7 +80,7 @@ class Weighed:
 
     @cached_property
     def share(self) -> float:
-        """Size of the unmodelled torque over that of all torque [-]: what each changes in the innovations."""
+        """Size of the unmodelled torque divided by that of the whole torque [-], as changes of the innovations."""
         torque = np.concatenate([run.drive for run in self.fit.log.runs])
         whole = self.discrepancy.beyond_initial_states(response(self.here.filters, torque[:, None], on_reading=False))
         beyond = self.here.nuisance().beyond(self.unmodelled)
@@ -88,10 +88,10 @@ class Weighed:
 
 
 def _charged(fit: Fit, here: Linearised, names: Collection[str]) -> list[int]:
-    """Rows of the effects' parameters.
+    """Rows of the effects' parameters that have a prior cost.
 
-    What has no name may hold a parameter of the base model, which then is fixed: in its place the coefficient that
-    moves most is free of charge, as it is.
+    A non-parametric effect may replace parameters of the base model, which are then fixed. In exchange the same number
+    of its coefficients, those with the largest Jacobian, have no prior cost, like the parameters of the base model.
     """
     rows = list[int]()
     for effect in fit.model.effects:
@@ -106,11 +106,11 @@ def _charged(fit: Fit, here: Linearised, names: Collection[str]) -> list[int]:
 
 
 def _held(fit: Fit, here: Linearised, own: list[int], remaining: Array) -> list[int]:
-    """Rows of the effects' parameters that the log does not move: the others can follow, or a bound holds them.
+    """Rows of the effects' parameters that are fixed: collinear with the others, or stopped by a bound.
 
-    The latter once the discrepancy is taken out of the innovations: where the likeliest value lies beyond a bound, what
-    would be won there must not count. They are held one by one, the first to be followed or stopped first: of two that
-    trade places the log knows what they are worth together, which is still free.
+    For the bounds the discrepancy is first subtracted from the innovations: if the most probable value lies beyond a
+    bound, the gain beyond it must not count. The parameters are fixed one by one, the most collinear or the first to
+    reach its bound: of two collinear parameters one remains free, and with it what the log determines of both.
     """
     problem = Problem.of(fit.log, fit.model, known=fit.known)
     values, held = problem.pack(fit.model.values, fit.initial), list[int]()
@@ -131,7 +131,7 @@ def _held(fit: Fit, here: Linearised, own: list[int], remaining: Array) -> list[
 
 
 def _volume(fit: Fit, here: Linearised, free: list[int], held: list[int]) -> float:
-    """Log of the volume that the effects' free parameters have left, times their density before."""
+    """Log of the posterior volume of the effects' free parameters (Laplace), times their prior density."""
     if not free:
         return 0.0
     beyond = here.beyond_the_rest(free, held)

@@ -1,8 +1,8 @@
 """Non-parametric effects that compete with those of the catalogue: curve, varying law, loop, lag, ripple.
 
-The discrepancy is a part of every set, but small, and linear. A cause that the catalogue does not have may be neither;
-then the name that looks most like it is far likelier than nothing. So what follows no law of the catalogue is fitted
-exactly too where a name stands, and weighed like that.
+The discrepancy is a part of every set, but it is small and linear. A cause outside the catalogue may be large or
+nonlinear; then the effect that resembles it most is far more probable than none. So non-parametric effects are also
+fitted exactly in place of effects, and their evidence is calculated in the same way.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from diagnosis.score_test import Screen
 from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
 
-_ALIKE = 1e-9  # of the largest direction of columns, below which one is rounding
+_ALIKE = 1e-9  # share of the largest singular value; smaller ones are rounding errors
 
 
 def without_name(less: Explanation) -> list[Proposal]:
-    """What may stand in the place of the effects that a set is short of, the most promising first."""
+    """Non-parametric effects to add to a set in place of removed effects, the highest linearised evidence first."""
     discrepancy = less.discrepancy
     alone = replace(less.screen, nuisance=Nuisance(own=discrepancy.own, shared=discrepancy.shared))
     return [
@@ -34,11 +34,11 @@ def without_name(less: Explanation) -> list[Proposal]:
 
 
 def promising(screen: Screen, kinds: Iterable[type[Nonparametric]]) -> list[tuple[float, Nonparametric]]:
-    """Where the fits of some kinds begin that promise anything, and what they promise, the best first.
+    """Linearised evidence and start of some kinds of non-parametric effects, the best first, if positive.
 
     Args:
         screen: of a fit, beyond its parameters alone.
-        kinds: that are asked.
+        kinds: candidates.
     """
     fit, found = screen.fit, list[tuple[float, Nonparametric]]()
     for kind in kinds:
@@ -48,7 +48,7 @@ def promising(screen: Screen, kinds: Iterable[type[Nonparametric]]) -> list[tupl
 
 
 def _asked(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float, Nonparametric]]:
-    """Log-likelihood that each shape of a kind promises, less what its sizes and the search cost, and the shape."""
+    """Each shape of a kind with its expected gain in log-likelihood, less the costs of its sizes and of the search."""
     left = screen.nuisance.beyond(screen.innovations)
     for trace in kind.traces(screen.motion):
         columns = -response(screen.filters, trace.columns, on_reading=trace.acts_on == "reading")

@@ -1,4 +1,4 @@
-"""The experiment that tells two rivals apart: designed within the machine's limits, and shown to do so beforehand."""
+"""The separating experiment: a torque signal, within the limits of the machine, that distinguishes two models."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small changes of a torque signal: what the design tries when no family has the shape that is needed."""
+"""Small random changes of a torque signal, to refine a signal beyond the families."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from plant.effects.effect import Array
 
-_SHORTEST, _LONGEST = 0.01, 0.5  # width of what is changed, as a share of the duration
-_FASTEST = 0.05  # cycles per sample of a sine that is added
+_SHORTEST, _LONGEST = 0.01, 0.5  # width of a change, as a share of the duration
+_FASTEST = 0.05  # highest frequency of an added sine, in cycles per sample
 
 
 def reshaped(torque: Array, size: float, rng: np.random.Generator) -> Array:
-    """(T,) the torque with a bump, a plateau or a sine added, or larger or smaller about its middle.
+    """(T,) the torque with a bump, a plateau or a sine added, or scaled about its median.
 
     Args:
         torque: (T,) [N m].
@@ -32,13 +32,13 @@ def reshaped(torque: Array, size: float, rng: np.random.Generator) -> Array:
 
 
 def rearranged(torque: Array, rng: np.random.Generator) -> Array:
-    """(T,) the torque with a stretch of it turned over about its middle, or shifted in time.
+    """(T,) the torque with a part of it mirrored between its extremes, or shifted in time.
 
-    What switches between its limits, as the best signals often do, gets no better by what is added to it.
+    The best signals often switch between the torque limits; adding to them does not improve them.
 
     Args:
         torque: (T,) [N m].
-        rng: draws what is moved.
+        rng: draws the change.
     """
     time, width = np.linspace(0.0, 1.0, torque.size), _width(rng)
     away = _from_somewhere(time, rng) / width
@@ -49,10 +49,10 @@ def rearranged(torque: Array, rng: np.random.Generator) -> Array:
 
 
 def _width(rng: np.random.Generator) -> float:
-    """Of what is changed, as a share of the duration."""
+    """A random width, log-uniform, as a share of the duration."""
     return float(np.exp(rng.uniform(np.log(_SHORTEST), np.log(_LONGEST))))
 
 
 def _from_somewhere(time: Array, rng: np.random.Generator) -> Array:
-    """(T,) how far each time is from one that is drawn, as shares of the duration."""
+    """(T,) distance of each time from a randomly drawn one, as a share of the duration."""
     return np.abs(time - rng.random())

@@ -1,4 +1,4 @@
-"""The separating experiment: the torque signal within a machine's limits that best tells two explanations apart."""
+"""The separating experiment: the torque signal within a machine's limits that best distinguishes two models."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from plant.errors import BadParameter
 
 __all__ = ["Experiment", "Limits", "rivals_of", "separating_experiment"]
 
-_DURATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # tried where none is given, at 5 ms [s]
-_CONVINCING = 5.0  # expected log odds from which an experiment is worth its time
-_TRIALS = 12  # of durations, about
-_SETTLED = 9.3  # m of which log odds scattered by sqrt(2 m) exceed log(SURE / (1 - SURE)) in 95 of 100 cases
+_DURATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # tried by default, at 5 ms [s]
+_CONVINCING = 5.0  # least expected log odds of a useful experiment
+_TRIALS = 12  # approximate number of durations that are tried
+_SETTLED = 9.3  # mean m of log odds, of standard deviation sqrt(2 m), that exceed log(SURE / (1 - SURE)) in 95 of 100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Experiment:
-    """A torque signal that tells two rivals apart.
+    """A torque signal that distinguishes two competing models.
 
     Attributes:
-        rivals: names of what one has and the other has not.
+        rivals: for each model, names of the effects that the other does not have.
         time: (T,) [s].
         torque: (T,) command, held over each sample [N m; N].
-        start: angle at which the machine is at rest when it begins [rad; m].
-        signal: the family and its numbers.
-        separation: expected difference of the log-likelihoods after the experiment, when the wrong rival has been
-            refitted; the lesser of the two cases of who is right.
-        absorbed: share of the difference between the rivals' outputs that the refit takes away [-].
+        start: angle of rest at the start of the experiment [rad; m].
+        signal: the family and its parameters.
+        separation: expected difference of the log-likelihoods after the experiment, with the wrong model refitted; the
+            smaller value of the two cases.
+        absorbed: share of the difference between the models' outputs that the refit absorbs [-].
         chirp_separation, chirp_absorbed: the same for a plain chirp of the same duration within the same limits, with
             the best of its amplitudes.
-        chirp_duration: that a plain chirp needs to settle it [s]; infinite if it is more than the longest tried.
-        predictions: (T,) what the sensor shows under either rival [rad; m].
+        chirp_duration: duration of a plain chirp that decides [s]; infinite if it exceeds the longest tried.
+        predictions: (T,) predicted measurement of each model [rad; m].
         axis: "rotary" or "linear".
     """
 
@@ -64,12 +64,12 @@ class Experiment:
 
     @property
     def separable(self) -> bool:
-        """Whether the experiment can be expected to settle it."""
+        """Whether the experiment is expected to decide between the models."""
         return self.separation >= _CONVINCING
 
     @property
     def sample_time(self) -> float:
-        """How long each torque is held [s]."""
+        """Time for which each torque is held [s]."""
         return float(self.time[1] - self.time[0])
 
     @property
@@ -98,7 +98,7 @@ class Experiment:
         }
 
     def __str__(self) -> str:
-        """What it is and what may be hoped of it."""
+        """The signal and its expected log-likelihood difference."""
         first, second = self.rivals
         if not self.separable:
             return (
@@ -123,16 +123,16 @@ def separating_experiment(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Experiment:
-    """Design the torque signal that best tells two fitted models of one log apart.
+    """Design the torque signal that best distinguishes two models fitted to one log.
 
-    It begins at rest at the angle at which the log's first run began, at the log's sample time.
+    The experiment starts at rest at the initial angle of the log's first run, and has the log's sample time.
 
     Args:
-        first, second: the rivals, fitted to the same log.
-        limits: of the machine; both rivals keep them in simulation.
-        duration: of the experiment [s]; by default as short as can be expected to settle it, at most 32 s, or 6,400
+        first, second: the competing models, fitted to the same log.
+        limits: of the machine; both models keep them in simulation.
+        duration: of the experiment [s]; by default the shortest that is expected to decide, at most 32 s, or 6,400
             samples of more than 5 ms.
-        seed: of the changes that are tried of the best signals.
+        seed: of the random changes of the best signal.
         progress: called with a line of text for each duration that is tried.
 
     Raises:
@@ -181,12 +181,12 @@ def separating_experiment(
 
 
 def durations(sample_time: float) -> tuple[float, ...]:
-    """Those that are tried where none is given [s]."""
+    """Durations that are tried by default [s]."""
     return tuple(length * time_scale(sample_time) for length in _DURATIONS)
 
 
 def _shortest(lasting: Callable[[float], Design], ladder: tuple[float, ...], seed: int) -> Found:
-    """The best signal of the least duration that settles it; reshaping shortens it, by a half at the most."""
+    """The best signal of the shortest duration that decides; the two next shorter ones are tried with refinement."""
 
     def settled(length: float) -> bool:
         design = lasting(length)
@@ -201,7 +201,7 @@ def _shortest(lasting: Callable[[float], Design], ladder: tuple[float, ...], see
 
 
 def _chirp_duration(lasting: Callable[[float], Design], ladder: tuple[float, ...]) -> float:
-    """The least duration of a plain chirp that settles it [s]."""
+    """The shortest duration of a plain chirp that decides [s]; infinite without one."""
 
     def settled(length: float) -> bool:
         design = lasting(length)
@@ -212,7 +212,7 @@ def _chirp_duration(lasting: Callable[[float], Design], ladder: tuple[float, ...
 
 
 def _names(first: Fit, second: Fit) -> tuple[str, str]:
-    """What each of two models has and the other has not."""
+    """For each of two models, the effects that the other does not have."""
     mine, theirs = ([effect.name for effect in fit.model.effects] for fit in (first, second))
 
     def only(own: list[str], other: list[str]) -> str:
@@ -222,9 +222,9 @@ def _names(first: Fit, second: Fit) -> tuple[str, str]:
 
 
 def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
-    """The fits of the likeliest set with the first unsure cause and of the likeliest without; None if there is none.
+    """The fits of the most probable sets with and without the first uncertain cause; None without one.
 
-    Where the latter has nothing in its place, no signal tells more than a longer log.
+    Also None if the set without the cause has no competing effect: then no signal is better than a longer log.
     """
     fitted = [(set(each.effects), each.fit) for each in diagnosis.sets if each.fit is not None]
     for cause in diagnosis.causes:

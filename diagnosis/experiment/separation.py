@@ -1,13 +1,13 @@
-"""How well a torque signal tells two fitted models apart: what is left when each has done its best to mimic the other.
+"""Expected log-likelihood difference of two fitted models for a torque signal, after each is refitted to the other.
 
-If A is true, B falls behind it, when its parameters and the initial state have moved by the best d, by
+If A is true, the log-likelihood of B after its parameters and the initial state have moved by the best d is lower by
 
     lambda = n/2 log(c + m / n),      m = |e + J d|^2 / sigma^2 + d' P^-1 d,
 
-with e the innovations of B's predictor on A's output, J their sensitivities, and P what the log leaves open of the
-parameters (Atkinson and Fedorov 1975, T-optimality, with a prior). For small m and c = 1 it is m / 2. B may also take
-what it misses for a load that fluctuates at random, and raise the bandwidth of its observer: e then shrinks, but the
-observer follows the measurement noise, which makes the variance of its innovations larger by the factor c.
+with e the innovations of B's predictor on A's output, J their sensitivities, and P the covariance of the parameters
+from the log (Atkinson and Fedorov 1975, T-optimality, with a prior). For small m and c = 1 it is m / 2. B may also
+explain its error by a random-walk disturbance and raise the bandwidth of its observer: e then decreases, but the
+observer follows the measurement noise, and the variance of its innovations increases by the factor c.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _RETUNING = 8  # iterations of a full refit to the other's output
-_DOUBTS = 2  # other values of the truth that an experiment should do for
-_BANDWIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # rad/s at 5 ms, to which a mimic may raise that of its observer
+_DOUBTS = 2  # further parameter values of the true model, randomly drawn
+_BANDWIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # rad/s at 5 ms, to which the wrong model may raise its observer bandwidth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rival:
-    """A fitted model, as far as the design of an experiment has to know it.
+    """One of the two competing models, with the data that the design of an experiment needs.
 
     Attributes:
         model: with the fitted values.
-        free: (F,) places of the parameters that a refit may move.
-        information: (F, F) what the log says about them, the inverse of their covariance.
+        free: (F,) indices of the parameters that a refit may move.
+        information: (F, F) inverse of their covariance from the log.
         noise_std: of one sample [rad or m].
         bandwidth: of the observer [rad/s].
-        substeps: integration steps in one sample.
-        doubts: (P,) each, other values that the log allows, drawn from their distribution.
+        substeps: integration steps per sample.
+        doubts: (P,) each, other parameter values, drawn from the distribution of the estimates.
     """
 
     model: ServoModel
@@ -58,12 +58,12 @@ class Rival:
 
     @classmethod
     def of(cls, fit: Fit) -> Self:
-        """A fit as a rival; a direction that its log left open may move freely."""
+        """From a fit; parameters that its log does not determine have zero information."""
         std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
         scale = np.where(std > 0.0, std, 1.0)
         correlation = fit.covariance / np.outer(scale, scale)
         information = np.linalg.pinv(correlation, rcond=1e-9, hermitian=True)
-        open_ = np.diag(information) < 1e-6  # what is left there is rounding
+        open_ = np.diag(information) < 1e-6  # a rounding error
         information[open_], information[:, open_] = 0.0, 0.0
         return cls(
             model=fit.model,
@@ -76,14 +76,14 @@ class Rival:
         )
 
     def contains(self, other: Rival) -> bool:
-        """Whether the other's model is this one with a special case of one of its effects."""
+        """Whether every effect of the other model is one of this model or a special case of one."""
         theirs = {effect.name for effect in other.model.effects}
         mine = {effect.name for effect in self.model.effects}
         special = {name for effect in self.model.effects for name in effect.contains}
         return theirs <= mine | special
 
     def predict(self, run: Run, values: Array, initial: Array, bandwidth: float, *, slopes: bool) -> Prediction:
-        """One run under this model's structure."""
+        """Prediction of one run with this model's structure."""
         predictor = Predictor(model=self.model, runs=(run,), free=self.free if slopes else (), substeps=self.substeps)
         with np.errstate(all="ignore"):
             return predictor.predict(values, initial[None, :], bandwidth=bandwidth, width=0.0, sensitivities=slopes)[0]
@@ -91,7 +91,7 @@ class Rival:
 
 @dataclass(frozen=True, kw_only=True)
 class Separation:
-    """What an experiment would tell: expected log-likelihood difference, and the share of it that a refit absorbs."""
+    """Expected log-likelihood difference of an experiment, and the share of m that a refit absorbs."""
 
     log_odds: float
     absorbed: float
@@ -99,13 +99,13 @@ class Separation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """A torque signal played into both rivals.
+    """A torque signal simulated with both models.
 
     Attributes:
-        rivals: the two.
-        runs: the experiment as either would record it, without noise.
-        speed: largest under either [rad/s].
-        travel: least and largest angle under either [rad].
+        rivals: the two models.
+        runs: the simulated experiment with each model, without noise.
+        speed: largest speed of both [rad/s].
+        travel: least and largest angle of both [rad].
     """
 
     rivals: tuple[Rival, Rival]
@@ -115,7 +115,7 @@ class Trial:
 
     @classmethod
     def play(cls, rivals: tuple[Rival, Rival], torque: Array, *, sample_time: float, start: float) -> Trial:
-        """Free simulation of both from rest at an angle."""
+        """Free simulation of both models from rest at an angle."""
         blank = blank_run(torque, sample_time)
         initial = np.array([start, 0.0])
         predictions = [rival.predict(blank, rival.model.values, initial, 0.0, slopes=False) for rival in rivals]
@@ -129,22 +129,22 @@ class Trial:
         )
 
     def first_order(self, start: float) -> Separation:
-        """The lesser of what the experiment, begun at rest at an angle, tells if the one or the other is true."""
+        """Separation to first order, from rest at an angle: the smaller of the cases that either model is true."""
         return min((task.first_order() for task in self._tasks(start)), key=lambda separation: separation.log_odds)
 
     def settled(
         self, start: float, *, above: float = 0.0, weakest: Sequence[int] | None = None
     ) -> tuple[float, tuple[int, ...]]:
-        """The log odds when the mimic iterates to its best, for every truth that the log allows; and where it did best.
+        """The log odds after full refits of the wrong model, and the index of its best bandwidth in each case.
 
-        Over what the log leaves open of the truth the mean of the square root counts, so that none is given up for a
-        gain where the odds are large already.
+        There is one case for each set of true parameter values: the fitted and the drawn ones. The mean of the square
+        roots counts over these, so that small log odds in one case are not compensated by large ones in another.
 
         Args:
             start: angle of rest [rad].
-            above: it stops as soon as they cannot be above this.
-            weakest: which of its bandwidths the mimic tries first against each truth. Those that did best against a
-                similar signal make for a short trial.
+            above: the calculation stops as soon as the log odds cannot exceed this value.
+            weakest: index of the bandwidth that is tried first in each case; the best ones for a similar signal save
+                time.
         """
         tasks = self._tasks(start)
         cells = [cell for task in tasks for cell in (task, *map(task.under, task.truth.doubts))]
@@ -165,7 +165,7 @@ class Trial:
         return worth(), tuple(places)
 
     def _tasks(self, start: float) -> list[_Mimicry]:
-        """A special case is no truth that counts: the general form mimics it perfectly, and parsimony decides."""
+        """The cases; a special case as the true model is left out, for the general form explains it perfectly."""
         pairs = zip(self.rivals, reversed(self.rivals), self.runs, strict=True)
         return [
             _Mimicry(truth=truth, mimic=mimic, run=run, start=start)
@@ -176,7 +176,7 @@ class Trial:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Mimicry:
-    """One rival's attempt to explain what the other would record."""
+    """A refit of the wrong model (`mimic`) to the output of the true one (`truth`)."""
 
     truth: Rival
     mimic: Rival
@@ -184,25 +184,25 @@ class _Mimicry:
     start: float
 
     def first_order(self) -> Separation:
-        """After one step, at the larger of the two bandwidths."""
+        """Separation after one Gauss-Newton step, at the larger of the two bandwidths."""
         bandwidth = max(self.truth.bandwidth, self.mimic.bandwidth)
         here = self._linearised(self._origin, bandwidth)
         return self._worth(here.cost, here.cost - _explained(here) if np.isfinite(here.cost) else np.inf)
 
     def under(self, values: Array) -> _Mimicry:
-        """The same where the truth has other values (P,)."""
+        """The same with other values (P,) of the true model."""
         played = self.truth.predict(self.run, values, np.array([self.start, 0.0]), 0.0, slopes=False)
         return replace(self, run=replace(self.run, output=np.nan_to_num(played.output, posinf=0.0, neginf=0.0)))
 
     @property
     def bandwidths(self) -> tuple[float, ...]:
-        """To which the mimic may set that of its observer [rad/s], its own first."""
+        """Observer bandwidths of the wrong model [rad/s], the larger of the two fitted ones first."""
         own, slower = self.truth.bandwidth, time_scale(self.run.sample_time)
         wider = (w / slower for w in _BANDWIDTHS if w / slower > own)
         return tuple(dict.fromkeys((max(own, self.mimic.bandwidth), own, *wider)))
 
     def settled(self, bandwidth: float) -> float:
-        """Log odds at the minimum for a bandwidth."""
+        """Log odds after the refit, for a bandwidth."""
         specs = [self.mimic.model.parameters[place] for place in self.mimic.free]
         best = minimise(
             partial(self._linearised, bandwidth=bandwidth),
@@ -220,7 +220,7 @@ class _Mimicry:
         return np.concatenate((self.mimic.model.values[list(self.mimic.free)], (self.start, 0.0)))
 
     def _linearised(self, point: Array, bandwidth: float) -> NormalEquations:
-        """The problem of the mimic's refit in units of the noise; its cost includes the noise that a log would hold."""
+        """The least-squares problem of the refit in units of the noise; its cost includes the expected noise."""
         mimic, sigma, count = self.mimic, self.truth.noise_std, len(self.mimic.free)
         values = mimic.model.values
         values[list(mimic.free)] = point[:count]
@@ -236,17 +236,17 @@ class _Mimicry:
         return NormalEquations(cost=cost, gradient=gradient, information=information)
 
     def _worth(self, before: float, after: float, louder: float = 1.0) -> Separation:
-        """From the cost with the fitted parameters and with those that mimic best."""
+        """Separation from the cost with the fitted parameters and with the refitted ones."""
         samples = len(self.run)
         whole, left = before - samples, min(max(after - samples, 0.0), before - samples)
-        if not np.isfinite(left) or whole <= 0.0:  # what overflows decides nothing
+        if not np.isfinite(left) or whole <= 0.0:  # a simulation that overflows decides nothing
             return Separation(log_odds=0.0, absorbed=1.0)
         log_odds = 0.5 * samples * float(np.log(louder + left / samples))
         return Separation(log_odds=log_odds, absorbed=1.0 - left / whole if np.isfinite(whole) else 1.0)
 
 
 def _drawn(fit: Fit, rng: np.random.Generator) -> Array:
-    """(P,) values from the distribution that a log leaves; what is positive by nature stays within a factor of five."""
+    """(P,) values drawn from the distribution of the estimates; positive parameters stay within a factor of five."""
     values, free = fit.model.values, list(fit.free)
     drawn = rng.multivariate_normal(values[free], fit.covariance, method="eigh", check_valid="ignore")
     for place, value in zip(free, drawn, strict=True):
@@ -258,7 +258,7 @@ def _drawn(fit: Fit, rng: np.random.Generator) -> Array:
 
 @lru_cache(maxsize=64)
 def noise_factor(bandwidth: float, sample_time: float) -> float:
-    """By how much an observer that follows the measurement noise raises the variance of its innovations [-]."""
+    """Factor on the variance of the innovations if the observer follows the measurement noise [-]."""
     gain = observer_gain(bandwidth, np.array([sample_time]))
     if not gain.any():
         return 1.0
@@ -269,7 +269,7 @@ def noise_factor(bandwidth: float, sample_time: float) -> float:
 
 
 def _explained(equations: NormalEquations) -> float:
-    """Fall of the cost that one Gauss-Newton step promises."""
+    """Predicted decrease of the cost by one Gauss-Newton step."""
     scale = np.sqrt(np.maximum(np.diag(equations.information), 1e-300))
     values, vectors = np.linalg.eigh(equations.information / np.outer(scale, scale))
     known = values > 1e-12 * values.max(initial=0.0)
@@ -278,7 +278,7 @@ def _explained(equations: NormalEquations) -> float:
 
 
 def blank_run(torque: Array, sample_time: float) -> Run:
-    """A torque (T,) as a run whose output is still to be recorded."""
+    """A torque (T,) as a run with zero output."""
     nothing = np.zeros(torque.size)
     return Run(
         label="separating experiment",

@@ -1,4 +1,4 @@
-"""The search for a torque signal that tells two rivals apart: coarse over families of signals, then around the best."""
+"""The search for a torque signal that distinguishes two models: over grids of families, then near the best signal."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from identification.log import Log
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 
-_LADDER = (1.0, 0.6, 0.35, 0.2, 0.1, 0.05)  # amplitudes to try, as shares of what the torque limit leaves
-_TRIES = 200  # of changes of the best of all families, fewer where a simulation takes finer steps
-_LARGE, _SMALL = 0.2, 0.005  # changes at first and at least, as shares of the torque limit
-_PLAIN = (0.1, 5.0)  # Hz at 5 ms, the chirp that an experimenter would play first
+_LADDER = (1.0, 0.6, 0.35, 0.2, 0.1, 0.05)  # amplitudes to try, as shares of the torque limit less the bias
+_TRIES = 200  # changes of the best signal, fewer if a simulation takes more steps per sample
+_LARGE, _SMALL = 0.2, 0.005  # initial and least size of a change, as shares of the torque limit
+_PLAIN = (0.1, 5.0)  # Hz at 5 ms, start and stop of the plain chirp
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a machine may do: torque of the command [N m], speed [rad/s], travel from and to [rad].
+    """Limits of a machine: command torque [N m], speed [rad/s], lower and upper end of travel [rad].
 
     Raises:
-        BadParameter: a limit leaves no room.
+        BadParameter: a limit is not positive, or the travel is empty.
     """
 
     torque: float
@@ -45,7 +45,7 @@ class Limits:
 
     @classmethod
     def of(cls, log: Log) -> Limits:
-        """What the machine has shown in a log that it can do."""
+        """The torque, speed and travel that occur in a log."""
         speeds = np.concatenate([np.abs(np.gradient(run.output, run.time)[run.valid]) for run in log.runs])
         outputs = np.concatenate([run.output[run.valid] for run in log.runs])
         return cls(
@@ -55,16 +55,16 @@ class Limits:
         )
 
     def hold(self, trial: Trial) -> bool:
-        """Whether both rivals stay within speed and travel."""
+        """Whether both models stay within speed and travel."""
         within = self.travel[0] <= trial.travel[0] and trial.travel[1] <= self.travel[1]
         return within and trial.speed <= self.speed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Found:
-    """A signal (T,) that keeps the limits: what it is worth to first order, and its log odds after a full refit.
+    """A signal (T,) that keeps the limits, with its separation to first order and its log odds.
 
-    `weakest` is what `Trial.settled` found.
+    The log odds are those to first order, or after a full refit; `weakest` is from `Trial.settled`.
     """
 
     signal: Signal
@@ -77,7 +77,7 @@ class Found:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """The task: two rivals, limits, and how long."""
+    """The design problem: two models, the limits and the duration."""
 
     rivals: tuple[Rival, Rival]
     limits: Limits
@@ -86,12 +86,12 @@ class Design:
     start: float
 
     def attempt(self, signal: Signal) -> Found | None:
-        """What a signal is worth to first order, None where it breaks a limit."""
+        """Simulate a signal and calculate its separation to first order; None if it exceeds a limit."""
         signal = signal.playable(self.sample_time)
         return self.tried(signal, signal.torque(self.duration, self.sample_time))
 
     def tried(self, signal: Signal, torque: Array) -> Found | None:
-        """The same for a torque (T,) that has been made of a signal."""
+        """The same for a torque (T,) that has been derived from a signal."""
         if np.abs(torque).max() > self.limits.torque * (1.0 + 1e-12):
             return None
         trial = self.play(torque)
@@ -102,15 +102,15 @@ class Design:
 
     @property
     def effort(self) -> int:
-        """What one simulation costs: its integration steps in one sample."""
+        """Cost of one simulation: its integration steps per sample."""
         return max(rival.substeps for rival in self.rivals)
 
     def play(self, torque: Array) -> Trial:
-        """The torque in both rivals."""
+        """Simulate the torque with both models."""
         return Trial.play(self.rivals, torque, sample_time=self.sample_time, start=self.start)
 
     def coarse(self) -> Iterator[Found]:
-        """All families on their grids, at every amplitude of the ladder that keeps the limits."""
+        """All families on their grids, at the amplitudes of the ladder that keep the limits."""
         for bias in sorted({0.0, self.holding_torque()}):
             room = self.limits.torque - abs(bias)
             for shape in shapes(bias, time_scale(self.sample_time)):
@@ -120,9 +120,9 @@ class Design:
                         yield found
 
     def refined(self, found: Found, rng: np.random.Generator) -> Found:
-        """The best of many small changes of a signal, one after another (Rechenberg 1973, (1+1) evolution strategy).
+        """Refine a signal by many small random changes (Rechenberg 1973, (1+1) evolution strategy).
 
-        Every other one, by chance, moves what is there; by those that add something the size of the next is chosen.
+        Half of them on average rearrange the signal. The success of the others controls the size of the next change.
         """
         best, size = found, _LARGE
         for _ in range(max(_TRIES // self.effort, 5)):
@@ -138,20 +138,20 @@ class Design:
         return best
 
     def settled(self, found: Found, *, above: float = 0.0, weakest: tuple[int, ...] | None = None) -> Found:
-        """The same signal, judged by a full refit of the rivals, as far as it is worth it."""
+        """The same signal with its log odds after full refits; these stop if the log odds cannot exceed `above`."""
         log_odds, places = found.trial.settled(self.start, above=above, weakest=weakest)
         return replace(found, log_odds=log_odds, weakest=places)
 
     def best(self, seed: int) -> Found:
-        """The best signal: the leader of the families, refined."""
+        """The best signal: the best of all families, refined."""
         return self.refined(self.leaders()[0], np.random.default_rng(seed))
 
     def leaders(self) -> list[Found]:
-        """The best of each family by first order, judged by a full refit, the best one first."""
+        """The best of each family to first order, ranked by their log odds after a full refit."""
         return sorted(map(self.settled, self.promising()), key=_log_odds, reverse=True)
 
     def promising(self) -> list[Found]:
-        """The best of each family by first order.
+        """The best of each family to first order.
 
         Raises:
             BadParameter: no signal keeps the limits.
@@ -170,7 +170,7 @@ class Design:
         return list(leaders.values())
 
     def plain_chirp(self) -> Found | None:
-        """The plain chirp that is worth most."""
+        """The plain chirp with the highest log odds; None if none keeps the limits."""
         best: Found | None = None
         for found in self.chirps():
             judged = self.settled(found, above=best.log_odds if best else 0.0)
@@ -189,11 +189,11 @@ class Design:
                     yield found
 
     def settle(self, signals: Iterable[Found], enough: float) -> bool:
-        """Whether any of some signals is worth that much."""
+        """Whether any of the signals has log odds above `enough`."""
         return any(self.settled(found, above=enough).log_odds > enough for found in signals)
 
     def holding_torque(self) -> float:
-        """The constant torque that holds the machine where it begins, zero where the limit is too small for it."""
+        """The constant torque that holds the load at the start; zero if the torque limit is too small or it is tiny."""
         count = max(2, round(min(self.duration, 0.5 * time_scale(self.sample_time)) / self.sample_time))
 
         def moved(torque: float) -> float:
@@ -201,7 +201,7 @@ class Design:
             return sum(trial.travel) - 2.0 * self.start
 
         edges = []
-        for side in (-1.0, 1.0):  # below the first edge it falls back, above the second it moves on
+        for side in (-1.0, 1.0):  # below the first edge the load moves back, above the second it moves forward
             low, high = -self.limits.torque, self.limits.torque
             if moved(low) >= 0.0 or moved(high) <= 0.0:
                 return 0.0

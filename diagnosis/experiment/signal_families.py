@@ -1,4 +1,4 @@
-"""Families of test signals with few numbers each: where the design of an experiment looks for its torque."""
+"""Families of test signals with few parameters each, the start of the design of an experiment."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import numpy as np
 from plant import signals
 from plant.effects.effect import Array
 
-_FASTEST = 0.2  # cycles per sample up to which a drive that holds its torque over a sample plays a sine as one
-_LINES = 12  # of a multisine
+_FASTEST = 0.2  # highest frequency in cycles per sample: a torque held over each sample still approximates a sine
+_LINES = 12  # frequencies of a multisine
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """A torque signal: `bias` plus a wave of a family with its numbers.
+    """A torque signal: `bias` plus a waveform of a family.
 
     Attributes:
         family: its name in `FAMILIES`.
-        amplitude: of the wave [N m].
-        bias: constant torque beside it, against gravity [N m].
-        numbers: of the wave, in s or Hz.
-        seed: of what is drawn at random in it.
+        amplitude: of the waveform [N m].
+        bias: constant torque, against gravity [N m].
+        numbers: parameters of the waveform, in s or Hz.
+        seed: of its random numbers.
     """
 
     family: str
@@ -39,20 +39,20 @@ class Signal:
         return np.asarray(self.bias + self.amplitude * wave, dtype=float)
 
     def slower(self, factor: float) -> Signal:
-        """The same with all its times longer by a factor."""
+        """The same signal slower: times are multiplied, and frequencies divided, by a factor."""
         rates = {name: value / factor for name, value in self.numbers.items() if name in _RATES}
         times = {name: value * factor for name, value in self.numbers.items() if name not in _RATES}
         return replace(self, numbers={name: (rates | times)[name] for name in self.numbers})
 
     def playable(self, sample_time: float) -> Signal:
-        """The same with its numbers brought to what a torque that is held over each sample can show."""
+        """The same signal with frequencies and times limited to what a torque held over each sample can follow."""
         fastest = _FASTEST / sample_time
         rates = {name: min(value, fastest) for name, value in self.numbers.items() if name in _RATES}
         times = {name: max(value, sample_time) for name, value in self.numbers.items() if name not in _RATES}
         return replace(self, numbers={name: (rates | times)[name] for name in self.numbers})
 
     def __str__(self) -> str:
-        """In words."""
+        """Family, amplitude, bias and parameters in words."""
         numbers = ", ".join(
             f"{name} {value:.3g} {'Hz' if name in _RATES else 's'}" for name, value in self.numbers.items()
         )
@@ -62,7 +62,7 @@ class Signal:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Family:
-    """A kind of wave with a peak of one: how it is made, and where a search for its numbers begins."""
+    """A kind of waveform with a peak of one: the function that generates it, and a grid of its parameters."""
 
     wave: Callable[[Mapping[str, float], float, float, int], Array]
     grid: tuple[Mapping[str, float], ...]
@@ -113,7 +113,7 @@ FAMILIES: Mapping[str, Family] = MappingProxyType(
 
 
 def shapes(bias: float, slower: float = 1.0) -> Iterator[Signal]:
-    """One signal of amplitude 1 for each point of each family's grid, about a bias [N m], that many times slower."""
+    """One signal of amplitude 1 for each grid point of each family, with a bias [N m], slower by a factor."""
     for name, family in FAMILIES.items():
         for numbers in family.grid:
             yield Signal(family=name, amplitude=1.0, bias=bias, numbers=numbers).slower(slower)

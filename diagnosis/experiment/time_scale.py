@@ -1,12 +1,13 @@
-"""How slow a servo is, as far as an experiment has to know it: what is sampled slowly moves slowly.
+"""Time scale of an experiment, from the sample time of the log.
 
-The numbers of the design stand for a log of 5 ms. Who samples more slowly has nothing to see that is as fast, and needs
-as many samples. Who samples faster may have a servo that is no faster, so nothing is shortened.
+The constants of the design hold for a sample time of 5 ms. With slower sampling fast motion is not visible, and the
+same number of samples is needed, so times are scaled up. With faster sampling the servo may be no faster, so times are
+not scaled down.
 """
 
 from __future__ import annotations
 
-_SAMPLE_TIME = 5e-3  # for which the numbers stand [s]
+_SAMPLE_TIME = 5e-3  # for which the constants hold [s]
 
 
 def time_scale(sample_time: float) -> float:

@@ -1,4 +1,4 @@
-"""A diagnosis in words: why a name won and by what margin, with the pictures that show it."""
+"""Explanation of a diagnosis in words: the causes and their evidence, with plots."""
 
 from __future__ import annotations
 

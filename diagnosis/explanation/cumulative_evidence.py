@@ -1,6 +1,6 @@
-"""The pictures of one cause: when along the log its evidence was gathered, and over which variable it shows.
+"""Data for the plots of one cause: its cumulative evidence along the log, and the residual torque over a variable.
 
-Both compare two fits of one log: a set of effects, and the same less the cause.
+Both compare two fits of one log: a set of effects, and the same set without the cause.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from diagnosis.residual_torque import residual_torque
 from identification.fit_result import Fit
 from plant.effects.effect import Array
 
-_TELLING = 0.3  # share of a predicted torque that one variable must carry to be the one that tells
-_PARTS = 10  # of the log, to see whether the evidence rests on one moment
+_TELLING = 0.3  # least share of the predicted torque's variance that the variable must explain
+_PARTS = 10  # parts of the log, to see whether the evidence comes from one moment
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,7 +23,7 @@ class CumulativeEvidence:
 
     Attributes:
         time: (T,) along the runs, one after the other [s].
-        evidence: (T,) sum so far of the log-likelihood with the cause less that without it.
+        evidence: (T,) cumulative log-likelihood with the cause less that without it.
     """
 
     time: Array
@@ -31,7 +31,7 @@ class CumulativeEvidence:
 
     @property
     def densest(self) -> tuple[float, float]:
-        """Largest share of the evidence that one tenth of the log gives [-], and the time in its middle [s]."""
+        """Largest share of the evidence from one tenth of the log [-], and the time in the middle of that [s]."""
         edges = np.linspace(0, self.time.size - 1, _PARTS + 1).astype(int)
         shares = np.diff(self.evidence[edges]) / max(float(self.evidence[-1]), 1e-300)
         best = int(np.argmax(shares))
@@ -40,16 +40,16 @@ class CumulativeEvidence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResidualOverVariable:
-    """The torque that is missing without a cause, over the variable that tells most, beside what the cause predicts.
+    """Residual torque without a cause, over the variable that shows the cause best, and the prediction of the cause.
 
     Attributes:
-        variable, unit: what it is drawn over.
+        variable, unit: variable of the plot and its unit.
         torque_unit: of the residual torque.
         centre: (B,) middle of each bin.
         before, band: (B,) mean residual torque without the cause and half width of its 95 % band.
         after: (B,) mean residual torque with the cause.
-        predicted: (B,) mean of the difference of the two models' torques: what the cause says is missing without it.
-        share: of the predicted torque's variance that the variable carries [-].
+        predicted: (B,) mean difference of the two residual torques: the residual that the cause predicts without it.
+        share: of the predicted torque's variance that the variable explains [-].
     """
 
     variable: str
@@ -69,7 +69,7 @@ class ResidualOverVariable:
 
 
 def cumulative_evidence(before: Fit, after: Fit) -> CumulativeEvidence:
-    """How the evidence for the later of two fits of one log grew along it."""
+    """Cumulative evidence along a log for the fit `after` over the fit `before`."""
     runs = before.log.runs
     valid = np.concatenate([run.valid for run in runs])
     step = np.concatenate([np.append(np.diff(run.time), run.sample_time) for run in runs])
@@ -83,10 +83,10 @@ def _log_likelihoods(fit: Fit) -> Array:
 
 
 def residual_over_variable(before: Fit, after: Fit) -> ResidualOverVariable | None:
-    """Where the difference of two fits shows in the residual torque; None if it shows over no single variable.
+    """The difference of two fits in the residual torque, over one variable; None if no single variable explains it.
 
-    Also None where the later model does not lower the residual torque: the picture takes drivetrain and sensor for
-    rigid, and what bends or lags there cannot be seen in it.
+    Also None if the later model does not lower the residual torque: the residual torque is calculated for a rigid
+    drivetrain and an ideal sensor, so it does not show compliance or lag in them.
     """
     lacked = residual_torque(before)
     lacks = residual_torque(after, lacked.cutoff)

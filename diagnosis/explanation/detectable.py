@@ -1,9 +1,9 @@
-"""How large an effect could be without being noticed: the limit of detection of a log in which nothing is missing.
+"""Limit of detection: the size at which an effect would be detected in a log from which no effect is missing.
 
-Beside everything that the fit can absorb, the coefficient of an effect's signature has a standard error s. An effect of
-size z s then has a log Bayes factor of z^2 / 2 on average, less its charge: the volume that the estimate leaves open,
-of the three decades where it might have lain (`evidence.prior`), and the catalogue. Said only of effects whose
-signature has one shape and whose only parameter is its size, for there this is exact to first order.
+The coefficient of an effect's signature, beyond all directions that the fit can absorb, has a standard error s. An
+effect of size z s then has a log Bayes factor of z^2 / 2 on average, less two costs: its log-uniform prior over three
+decades (`evidence.prior`), and the number of candidates. The limit is given only for effects with a single signature
+and with their size as the only parameter; for these it is exact to first order.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from diagnosis.score_test import Screen
 from identification.fit_result import Fit
 from plant.effects import Trace, catalogue
 
-_LARGE = 100.0  # standard errors, at which anything is noticed
+_LARGE = 100.0  # standard errors; every effect of this size is detected
 
 
 def detectable(fit: Fit, asked: Collection[str]) -> dict[str, Estimate]:
-    """Size at which each effect would be noticed as often as not, by its name, for the effects of which it can be said.
+    """Size at which each effect would be detected with a probability of 0.5, by name; other effects are left out.
 
     Args:
-        fit: in which nothing is missing.
-        asked: the effects that were asked.
+        fit: from which no effect is missing.
+        asked: the candidate effects.
     """
     screen = Screen.of(fit)
     found: dict[str, Estimate] = {}
@@ -45,7 +45,7 @@ def detectable(fit: Fit, asked: Collection[str]) -> dict[str, Estimate]:
 
 
 def _noticed(sides: int, catalogue: int) -> float:
-    """Standard errors of an estimate from which its log Bayes factor is enough."""
+    """Size in standard errors at which the log Bayes factor is `CLEARLY`."""
 
     def over(z: float) -> float:
         return float(0.5 * z**2 - np.log(sides * z) - LOG_UNIFORM - np.log(catalogue) - CLEARLY)
@@ -56,7 +56,7 @@ def _noticed(sides: int, catalogue: int) -> float:
 
 
 def _standard_error(screen: Screen, trace: Trace) -> float:
-    """Of the signature's coefficient."""
+    """Standard error of the signature's coefficient."""
     seen = screen.nuisance.beyond(response(screen.filters, trace.columns, on_reading=trace.acts_on == "reading"))
     information = float((seen**2).sum())
     return screen.fit.noise_std / float(np.sqrt(information)) if information > 0.0 else np.inf

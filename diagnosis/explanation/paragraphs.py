@@ -1,4 +1,4 @@
-"""A diagnosis explained: sentences for a control engineer, each with its number, and the pictures to them."""
+"""Explanation of a diagnosis: sentences with numbers, and data for plots."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from diagnosis.holdout import gain_errors
 from diagnosis.result import Findings
 from identification.standard_errors import bandwidth_std
 
-_CARRIES = 0.1  # share of the residual torque's variance from which it is said to depend on a variable
+_CARRIES = 0.1  # share of the residual torque's variance from which a dependence on a variable is reported
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """A diagnosis explained; as text it is everything in paragraphs.
+    """Explanation of a diagnosis; its string has all sentences in paragraphs.
 
     Attributes:
-        missing: the residual torque, and over which variable it shows.
-        posterior: what is sure, what is either-or, and what no effect explains.
-        reasons: why each effect is named, or why none is.
-        outcome: the gain on validation data, and what remains.
+        missing: the residual torque, and the variable that it depends on.
+        posterior: certain effects, alternatives, and the unexplained part.
+        reasons: why each effect is reported, or why none is.
+        outcome: the gain on validation data, and the remaining error.
     """
 
     missing: tuple[str, ...]
@@ -34,7 +34,7 @@ class Explanation:
     outcome: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Everything, in paragraphs."""
+        """All sentences, in paragraphs."""
         parts = [("Residual torque", self.missing), ("What explains it", self.posterior)]
         parts += [(reason.title, reason.sentences) for reason in self.reasons]
         parts.append(("Validation", self.outcome))
@@ -42,11 +42,11 @@ class Explanation:
 
 
 def explain(diagnosis: Findings, experiment: Experiment | None = None) -> Explanation:
-    """Say why a diagnosis is what it is.
+    """Explain a diagnosis.
 
     Args:
         diagnosis: to be explained.
-        experiment: that has been designed to tell its rivals apart, if any.
+        experiment: designed to separate its competing sets, if any.
     """
     causes = tuple(reason_for(diagnosis, cause, experiment) for cause in diagnosis.causes)
     reasons = causes or (reason_for_none(diagnosis),)
@@ -59,7 +59,7 @@ def explain(diagnosis: Findings, experiment: Experiment | None = None) -> Explan
 
 
 def _missing(diagnosis: Findings) -> tuple[str, ...]:
-    """What was missing and where it shows."""
+    """The residual torque of the base model, the variable it depends on, and the observers of both models."""
     lacked, base, extended = diagnosis.residual_before, diagnosis.base, diagnosis.extended
     noise, inertia = float(lacked.band.mean()) / 1.96, base["inertia"]
     doubt = np.sqrt(0.5 / base.samples + (0.0 if not inertia.std else inertia.std / base.model.inertia) ** 2)
@@ -90,7 +90,7 @@ def _missing(diagnosis: Findings) -> tuple[str, ...]:
 
 
 def _outcome(diagnosis: Findings) -> tuple[str, ...]:
-    """What the names brought, and what remains."""
+    """The gain on validation data, the remaining error, and the whiteness."""
     gain, left, lines = diagnosis.gain, diagnosis.unexplained, []
     extended = diagnosis.extended is not diagnosis.base
     if gain is not None:

@@ -1,4 +1,4 @@
-"""The posterior over sets of effects as a person reads it: what is sure, what is either-or, what no effect explains."""
+"""The posterior over sets of effects in sentences: certain effects, alternatives, and the unexplained part."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from diagnosis.result import EffectSet, Findings
 from plant.effects.nonparametric import unnamed
 
 NOTHING = "nothing more"
-"""What a set without effects is called."""
-_SAID = 0.05  # probability from which an alternative is said in a sentence
-_MOST = 4  # alternatives in a sentence
+"""Name of a set without effects."""
+_SAID = 0.05  # least probability of an alternative in a sentence
+_MOST = 4  # largest number of alternatives in a sentence
 
 
 def posterior_sentences(diagnosis: Findings) -> tuple[str, ...]:
-    """Each thought in a sentence."""
+    """Sentences on the certain effects, then on all others."""
     sure = [title_of(name, diagnosis) for name in sorted(_settled(diagnosis))]
     return (*([f"Probability above 90 %: {joined_words(sure)}."] if sure else []), *open_sentences(diagnosis))
 
 
 def open_sentences(diagnosis: Findings) -> tuple[str, ...]:
-    """Of what is not sure."""
+    """Sentences on the alternatives, the minor effects and the unexplained part."""
     lines = _either_or(diagnosis, _settled(diagnosis) | {each.effect for each in diagnosis.minor})
     lines += _minor(diagnosis)
     if diagnosis.unknown.depends_on:
@@ -31,7 +31,7 @@ def open_sentences(diagnosis: Findings) -> tuple[str, ...]:
 
 
 def unexplained(diagnosis: Findings) -> str:
-    """What no effect explains: an error of the measurement where a torque is not likely, else how much torque."""
+    """The unexplained part: a measurement error if only that is certain, else the share of the torque."""
     unknown = diagnosis.unknown
     if unknown.probability <= SURE < unknown.measurement_error:
         return "an error of the measurement"
@@ -39,7 +39,7 @@ def unexplained(diagnosis: Findings) -> str:
 
 
 def set_title(each: EffectSet, diagnosis: Findings, besides: set[str] | frozenset[str] = frozenset()) -> str:
-    """The effects of a set, but for some, and what stands in the place of one, as people write them."""
+    """Titles of the effects of a set, except `besides`, and of its non-parametric effects, joined."""
     instead = [f"something over {joined_words(each.unknown)}"] if each.unknown and each.fit is None else []
     if each.fit is not None:
         instead = [effect.title for effect in each.fit.model.effects if effect.name in unnamed]
@@ -52,7 +52,7 @@ def _settled(diagnosis: Findings) -> set[str]:
 
 
 def _either_or(diagnosis: Findings, settled: set[str]) -> list[str]:
-    """The alternatives among what is neither sure nor small."""
+    """The alternatives among the effects that are neither certain nor minor."""
     shares: dict[str, float] = {}
     for each in diagnosis.sets:
         title = set_title(each, diagnosis, settled)
@@ -64,7 +64,7 @@ def _either_or(diagnosis: Findings, settled: set[str]) -> list[str]:
 
 
 def _minor(diagnosis: Findings) -> list[str]:
-    """What is probable but small, in one sentence."""
+    """The minor effects, in one sentence."""
     unit = diagnosis.residual_before.unit
     told = [
         f"{title_of(each.effect, diagnosis)}{f' ({measured(each.rms, None, unit)} rms)' if each.rms else ''}"

@@ -1,4 +1,4 @@
-"""Why an effect is named, or none: the evidence, where it shows, and what may be hidden."""
+"""Why an effect is reported, or none: the evidence, the residual torque, and the limits of detection."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from diagnosis.refit import without
 from diagnosis.result import Cause, Findings, Rejected
 from identification.fit_result import Fit
 
-_ONE_MOMENT = 0.5  # share of the evidence from one tenth of the log that calls for a look at it
-_OPEN = 0.01  # probability from which a rival is named among those that the log cannot tell apart
+_ONE_MOMENT = 0.5  # share of the evidence from one tenth of the log at which the user should check the data there
+_OPEN = 0.01  # least probability of a competing effect that is listed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reason:
-    """Why an effect is named, or why none is.
+    """Why an effect is reported, or why none is.
 
     Attributes:
-        title: what is explained.
-        effect: its name; None where no effect is named.
+        title: heading.
+        effect: its name; None if no effect is reported.
         sentences: the explanation, the evidence first.
-        cumulative_evidence: where along the log its evidence comes from; None where nothing was added.
-        residual_over_variable: where the residual torque shows it; None where it does not.
+        cumulative_evidence: its evidence along the log; None if nothing was added or the motion without it diverges.
+        residual_over_variable: the residual torque over the variable that shows it; None if none does.
     """
 
     title: str
@@ -54,12 +54,12 @@ class Reason:
 
 
 def reason_for(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> Reason:
-    """Why a cause bears its name.
+    """Why an effect is reported as a cause.
 
     Args:
-        diagnosis: that has found it.
+        diagnosis: with this cause.
         cause: one of its causes.
-        experiment: that has been designed to tell its rivals apart, if any.
+        experiment: designed to separate the competing sets, if any.
     """
     after, before = _with_and_without(diagnosis, cause.effect)
     bounded = not before.runs_off
@@ -91,7 +91,7 @@ def reason_for(diagnosis: Findings, cause: Cause, experiment: Experiment | None)
 
 
 def _with_and_without(diagnosis: Findings, effect: str) -> tuple[Fit, Fit]:
-    """The likeliest set that holds an effect, and the same less the effect, both fitted."""
+    """Fits with and without an effect: of the extended model if it has the effect, else of the best set with it."""
     if effect in diagnosis.without:
         return diagnosis.extended, diagnosis.without[effect]
     holders = (each.fit for each in diagnosis.sets if effect in each.effects and each.fit is not None)
@@ -100,7 +100,7 @@ def _with_and_without(diagnosis: Findings, effect: str) -> tuple[Fit, Fit]:
 
 
 def _over(diagnosis: Findings, cause: Cause, seen: ResidualOverVariable | None) -> str:
-    """Where it shows, beside the signature that is expected of it."""
+    """The expected signature of a cause, and the variable over which the residual torque shows it."""
     kind = effect_of(diagnosis, cause.effect)
     expected = f"Its signature: {kind.trace}. " if kind is not None else ""
     if seen is None:
@@ -114,7 +114,7 @@ def _over(diagnosis: Findings, cause: Cause, seen: ResidualOverVariable | None) 
 
 
 def _along(grown: CumulativeEvidence | None) -> str:
-    """Whether the evidence rests on one moment."""
+    """Whether the evidence comes from one moment or from the whole log."""
     if grown is None:
         return "Without it the motion of the model grows without bound."
     share, moment = grown.densest
@@ -127,7 +127,7 @@ def _along(grown: CumulativeEvidence | None) -> str:
 
 
 def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> list[str]:
-    """Why the data cannot tell, and what could."""
+    """Why the data do not separate a cause from its alternatives, and which experiment could."""
     kind = effect_of(diagnosis, cause.effect)
     rivals = [name for name, share in cause.alternatives if share > _OPEN]
     names = joined_words([title_of(name, diagnosis) for name in (cause.effect, *rivals)])
@@ -151,7 +151,7 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
 
 
 def reason_for_none(diagnosis: Findings) -> Reason:
-    """Why a diagnosis gives no name."""
+    """Why a diagnosis reports no effect."""
     title = "Why no effect is named"
     asked = len(diagnosis.rejected) + len(diagnosis.minor)
     nearest = next((f" The most probable of them is {_rejected(diagnosis, each)}" for each in diagnosis.rejected), "")
@@ -188,7 +188,7 @@ def _rejected(diagnosis: Findings, each: Rejected) -> str:
 
 
 def _could_hide(diagnosis: Findings) -> list[str]:
-    """How large an effect could have gone unnoticed."""
+    """Limits of detection in one sentence."""
     sizes = detectable(diagnosis.base, [each.effect for each in diagnosis.rejected])
     told = [f"{title_of(name, diagnosis)} {e.value:.2g} {e.unit}".removesuffix(" -") for name, e in sizes.items()]
     if not told:

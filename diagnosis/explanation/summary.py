@@ -1,4 +1,4 @@
-"""A diagnosis in a few plain sentences, for the terminal and for the head of the report."""
+"""A diagnosis in a few sentences, for the terminal and the first part of the report."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LATE = "The torque of this log was measured, and its measurement is late."
 
 
 def headline(diagnosis: Findings) -> str:
-    """The verdict in one sentence; one more before it where the log's torque was measured and is late."""
+    """The verdict in one sentence, after another one if the torque of the log was measured with a lag."""
     late = {cause.effect for cause in diagnosis.causes if cause.probability > SURE and of_the_measurement(cause.effect)}
     if late:
         others = replace(diagnosis, causes=tuple(cause for cause in diagnosis.causes if cause.effect not in late))
@@ -50,7 +50,7 @@ def headline(diagnosis: Findings) -> str:
 
 
 def _where(diagnosis: Findings) -> str:
-    """Where the unexplained error shows."""
+    """Where the unexplained error occurs: in the validation data only, or over which variables."""
     if diagnosis.only_in_validation is not None:
         return "; it shows in the validation data alone"
     depends_on = ", ".join(diagnosis.unexplained.depends_on)
@@ -58,7 +58,7 @@ def _where(diagnosis: Findings) -> str:
 
 
 def _of_causes(diagnosis: Findings) -> str:
-    """What the model lacks, surely and probably."""
+    """The effects that the model lacks with certainty or probably."""
     causes = diagnosis.causes
     named = [title_of(cause.effect) for cause in causes if cause.probability > SURE]
     unsure = [cause for cause in causes if cause.probability <= SURE]
@@ -76,7 +76,7 @@ def _of_causes(diagnosis: Findings) -> str:
 
 
 def _in_doubt(diagnosis: Findings, acts: str) -> str:
-    """What may be missing beside sure causes: as small as what is unexplained, else what the log does not tell."""
+    """Further effects that may be missing: uncertain minor ones, else those that the log does not identify."""
     small = [each.effect for each in diagnosis.minor if in_doubt(each.probability)]
     if small:
         return f"{joined_words([title_of(name) for name in small])}; the unexplained {acts} is about as large"
@@ -84,17 +84,17 @@ def _in_doubt(diagnosis: Findings, acts: str) -> str:
     others = {name for each in diagnosis.sets for name in each.effects if not special_cases(name) & causes}
     told = {name: sum(each.probability for each in diagnosis.sets if name in each.effects) for name in others}
     ranked = sorted(told, key=lambda name: (-told[name], name))
-    open_ones = [name for name in ranked if in_doubt(told[name])] or ranked  # of many unlikely ones one may be
+    open_ones = [name for name in ranked if in_doubt(told[name])] or ranked  # one of many improbable ones may act
     listed = [f"{title_of(name)} (probability {percent(told[name])})" for name in open_ones]
     return f"{joined_words(listed) or 'something else'}; this log does not show whether it does"
 
 
 def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> list[str]:
-    """What stands below the headline: causes with probabilities and sizes, the gain, and what remains.
+    """The sentences after the headline: causes with probabilities and sizes, the gain, and the remaining error.
 
     Args:
-        diagnosis: to be told.
-        explanation: of it, for the reason where no effect is named.
+        diagnosis: to be summarised.
+        explanation: of this diagnosis, for the reason if no effect is reported.
     """
     lines = [_cause(diagnosis, cause) for cause in diagnosis.causes]
     if explanation is not None and not diagnosis.causes:
@@ -143,7 +143,7 @@ def _cause(diagnosis: Findings, cause: Cause) -> str:
 
 
 def _likeliest_first(cause: Cause) -> list[str]:
-    """A cause and its alternatives that cannot be put aside."""
+    """A cause and its alternatives with a probability above 0.05, the most probable first."""
     known = dict(cause.alternatives) | {cause.effect: cause.probability}
     return sorted((cause.effect, *_close(cause)), key=lambda name: -known[name])
 

@@ -1,4 +1,4 @@
-"""How the numbers and names of a diagnosis are put into words."""
+"""Format of the numbers and names of a diagnosis in sentences."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _ROUNDING = 1e-9  # relative: a smaller standard error is one of rounding
 
 
 def percent(share: float, std: float | None = None) -> str:
-    """A probability or share, with its standard error if it has one; never rounded up to certainty.
+    """A probability or share in per cent, with its standard error if it has one; never rounded to 0 or 100 %.
 
-    A ratio above one is told as it is, from ten on without per cent, and what could not be measured says so.
+    A ratio from ten on is written as a factor; a value that is not finite is "not measured".
     """
     if not np.isfinite(share):
         return "not measured"
@@ -33,15 +33,15 @@ def percent(share: float, std: float | None = None) -> str:
 
 
 def change(cut: float, std: float | None = None) -> str:
-    """By how much an error fell or rose, from the share that was cut; of twice as much and more, how many times."""
+    """Size of a relative reduction or increase of an error; an error at least doubled is written as a factor."""
     return f"{1.0 - cut:.2g} times" if cut <= -1.0 else percent(abs(cut), std)
 
 
 def measured(value: float, std: float | None, unit: str = "") -> str:
-    """A number with its standard error and unit, to the digits that the standard error leaves: 79.3 ± 6.8 µrad.
+    """A number with its standard error and unit, rounded to the digits of the standard error: 79.3 ± 6.8 µrad.
 
-    The standard error has one digit, or two if the first is a 1 or a 2; far from one the unit has a prefix, or both
-    share a power of ten. Without a standard error the number has three digits.
+    The standard error has one digit, or two if the first is a 1 or a 2. Very small or large numbers have a unit with a
+    prefix, or a common power of ten. Without a standard error the number has three digits.
     """
     unit = printed(unit)
     if std is None or not (_ROUNDING * abs(value) < std < np.inf):
@@ -60,7 +60,7 @@ def measured(value: float, std: float | None, unit: str = "") -> str:
 
 
 def strength(log_bayes: float) -> str:
-    """How strong evidence is (Kass and Raftery 1995), with its number: decisive (log Bayes factor 48.3)."""
+    """Grade of the evidence (Kass and Raftery 1995) with its number: decisive (log Bayes factor 48.3)."""
     if np.isinf(log_bayes):
         return "decisive (no set without it is tenable)" if log_bayes > 0.0 else "against it"
     grades = ((5.0, "decisive"), (3.0, "strong"), (1.0, "positive"), (-1.0, "weak"), (-np.inf, "against it"))
@@ -69,7 +69,7 @@ def strength(log_bayes: float) -> str:
 
 
 def rise(log_likelihood: float) -> str:
-    """By how much a log-likelihood rises: three digits, whole numbers above, never a power of ten."""
+    """A gain in log-likelihood: three digits, an integer from 1000 on, never a power of ten."""
     return f"{log_likelihood:.3g}" if abs(log_likelihood) < 1000.0 else f"{log_likelihood:.0f}"
 
 
@@ -81,12 +81,12 @@ def size(parameters: Iterable[tuple[str, Estimate]]) -> str:
 
 
 def torque_or_force(unit: str) -> str:
-    """What acts along an axis of that unit of the command."""
+    """The word "torque" or "force" for a unit of the command; "command" for any other unit."""
     return {"N m": "torque", "N": "force"}.get(unit, "command")
 
 
 def sentence_case(text: str) -> str:
-    """The text with a capital first letter and the rest as it is."""
+    """The text with a capital first letter, otherwise unchanged."""
     return text[:1].upper() + text[1:]
 
 
@@ -96,12 +96,12 @@ def joined_words(names: Sequence[str], last: str = "and") -> str:
 
 
 def effect_of(diagnosis: Findings, name: str) -> type[Effect] | None:
-    """The class of an effect, from the catalogue or, if it is somebody's own, from the extended model."""
+    """The class of an effect, from the catalogue or, for a custom effect, from the extended model."""
     own = diagnosis.model.effect(name)
     return catalogue.get(name) or (None if own is None else type(own))
 
 
 def title_of(name: str, diagnosis: Findings | None = None) -> str:
-    """The effect's name as people write it."""
+    """The effect's title, for use in sentences."""
     kind = unnamed.get(name) or (catalogue.get(name) if diagnosis is None else effect_of(diagnosis, name))
     return name.replace("_", " ") if kind is None else kind.title

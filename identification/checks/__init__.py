@@ -1,1 +1,1 @@
-"""Checks of a recording before any fit: each fault is reported, and repaired only where the report says so."""
+"""Checks of a recording before any fit: each fault is reported, and each repair too."""

@@ -1,6 +1,6 @@
-"""Whether an angle is in degrees: by its encoder, by its wraps, by gravity; or in counts: by its whole numbers.
+"""Test of the unit of an angle: degrees show in the encoder step, the wraps and gravity, counts as whole numbers.
 
-An unusual speed is only warned of.
+An unusual speed gives a warning only.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from identification.checks.sign import SURE, student, undisputed, views
 from identification.recording import Array, Finding, Recording
 
 FASTEST_LOAD = 1000.0  # [rad/s], 9550 rpm on the load's side
-_LEVELS, _MOST_LINES = 20, 2**26  # readings that differ, steps a turn
+_LEVELS, _MOST_LINES = 20, 2**26  # least number of distinct values, most steps per turn
 _COUNTS = {"rotary": ("angle", "turn/4096", "deg"), "linear": ("position", "mm/1000", "mm")}
-_LUCK = 1e-3  # of the exponent of two: one encoder in 500 is as near to a power by chance
-_FELT = 0.01  # share of the torque's variance that gravity explains, from which it counts
+_LUCK = 1e-3  # error of the exponent of two: one encoder in 500 is as near to a power by chance
+_FELT = 0.01  # least share of the torque's variance that gravity must explain
 
 
 def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
-    """An angle that is in degrees or counts makes the log unusable; an unusual speed is warned of."""
+    """An angle in degrees or counts makes the log unusable; an unusual speed gives a warning."""
     if in_whole_numbers(recording.output[recording.valid]):
         column, count, other = _COUNTS[recording.axis]
         text = (
@@ -50,19 +50,19 @@ def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
 
 
 def in_whole_numbers(values: Array) -> bool:
-    """Whether readings (T,) are many different whole numbers; no encoder resolves a radian or a metre only."""
+    """Whether values (T,) are many different whole numbers; no encoder has a resolution of a radian or a metre."""
     return bool(np.all(values == np.round(values))) and len(np.unique(values)) >= _LEVELS
 
 
 def wraps_in_degrees(values: Array, index: NDArray[np.int64]) -> bool:
-    """Whether readings (T,) with places `index` (T,) wrap around by 360, which no angle in radians does."""
+    """Whether values (T,) at samples `index` (T,) wrap around by 360; an angle in radians does not."""
     return find_wraps(values, index, 360.0, quantum(values))[1] == 360.0
 
 
 def gravity_in_degrees(recording: Recording) -> bool:
-    """Whether the torque surely goes with the sine of the angle in degrees, rather than in radians or as a spring.
+    """Whether gravity fits the torque significantly better with the angle in degrees than in radians or as a spring.
 
-    Within half a turn a sine is no more than a bend, as that of a stop.
+    Within half a turn a sine cannot be distinguished from another curve, such as that of an end stop.
     """
     if recording.servo_gain.any() or np.ptp(recording.output[recording.valid]) < 180.0:
         return False
@@ -81,7 +81,7 @@ def gravity_in_degrees(recording: Recording) -> bool:
 
 
 def _left(command: Array, columns: Sequence[Array]) -> Array:
-    """(N,) squares of what columns leave of a command (N,), whether or not some of them say the same."""
+    """(N,) squared residuals of a command (N,) after regression on columns, which may be collinear."""
     basis = np.column_stack(columns)
     basis = basis / np.maximum(np.linalg.norm(basis, axis=0), 1e-300)
     left, size, _ = np.linalg.svd(basis, full_matrices=False)
@@ -90,17 +90,17 @@ def _left(command: Array, columns: Sequence[Array]) -> Array:
 
 
 def encoder_lines(values: Array, turn: float) -> int | None:
-    """Steps a turn of the encoder that readings (T,) come from, where that is a power of two; else None.
+    """Steps per turn of the encoder that measured values (T,), if that is a power of two; else None.
 
-    The step is refined over more and more readings, so that its rounding in a file averages out. Readings that are
-    rounded to decimals have steps of 1, 2 or 5 of their last digit, which no power of two divides into a turn.
+    The step is refined over more and more values, so that its rounding in a file averages out. Values that are rounded
+    to decimals have steps of 1, 2 or 5 of their last digit; a turn is not a power of two times such a step.
     """
     levels = np.unique(values)
     step = quantum(levels)
     if step == 0 or len(levels) < _LEVELS or turn / step > _MOST_LINES:
         return None
     gaps = np.diff(levels)
-    gaps = gaps[gaps > 0.3 * step]  # two roundings of one step
+    gaps = gaps[gaps > 0.3 * step]  # smaller ones are two roundings of the same value
     usual = float(np.median(gaps[gaps < 1.7 * gaps.min()]))
     places, span = levels - levels[0], 16.0
     while True:

@@ -1,7 +1,7 @@
-"""The output must answer after its command.
+"""The output must respond after its command.
 
-An output that answers before its command is no machine's: the columns were recorded with an offset. The other way
-round, a column that lags looks like a delay of the drive, and is left to the fit unless it is longer than drives delay.
+An output that responds before its command is impossible: the columns were recorded with an offset. An output column
+that lags looks like a dead time of the drive, and is left to the fit unless it is longer than any dead time of a drive.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from collections.abc import Iterable, Sequence
 from identification.checks.equation_error import Profile, profiles
 from identification.recording import Finding, Recording
 
-# A held command acts half a sample late, and some loggers write it at the end of its sample: less is no fault.
+# A held command acts half a sample late, and some loggers write it at the end of its sample: less is not a fault.
 _LEAST_SAMPLES, _LEAST_TIME = 1.5, 0.004
 _LONG_SAMPLES, _LONG_TIME = 10.0, 0.15
 _EVIDENCE = 15.0  # log-likelihood
-_ONE_TIME = 0.1  # share of the acceleration that is left unexplained, at most
+_ONE_TIME = 0.1  # most unexplained share of the acceleration
 
 
 def cause_and_effect(recording: Recording) -> Iterable[Finding]:
-    """Warn of an output ahead of its command or far behind it.
+    """Warn of an output that leads its command or lags far behind it.
 
-    Two filters of different width must agree, for what the regression does not know (play, bristles, a spring)
-    moves its best shift by another amount in each.
+    Two filters of different width must agree, because an effect that the regression lacks (backlash, presliding
+    friction, a spring) changes the best shift by a different amount in each.
     """
     found = profiles(recording)
     if len(found) == 2 and all(profile.slope[profile.best] > 0 for profile in found):
@@ -37,7 +37,7 @@ def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
         return
     command, output = recording.name("command"), recording.name("output")
     if min(lags) > _LEAST_SAMPLES * dt + _LEAST_TIME:
-        # A fault of the columns makes one sharp valley: neither no lag nor the double of it will do.
+        # An offset of the columns has one sharp minimum: zero lag and the double lag fit clearly worse.
         if any(profile.evidence(0.0, 2 * profile.lag) < _EVIDENCE for profile in found):
             return
         whole = round(size / dt + 0.5)
@@ -48,7 +48,7 @@ def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
         )
         yield Finding(kind="lag", repaired=False, text=text)
     elif -max(lags) > max(_LONG_SAMPLES * dt, _LONG_TIME):
-        # A slow drive is late too, but not by one time throughout, so that more is left over.
+        # A slow drive lags too, but not by a constant time, so that its residual is larger.
         if any(profile.residual[profile.best] > _ONE_TIME for profile in found):
             return
         if any(profile.evidence(1.5 * profile.lag, 0.5 * profile.lag) < _EVIDENCE for profile in found):

@@ -1,7 +1,7 @@
-"""Channels that contradict each other: a goal in degrees, a motor shaft of another unit, a pinion of another sign.
+"""Channels that contradict each other: a set-point in degrees, a motor shaft in another unit, a pinion of other sign.
 
-What makes a channel useless is refused with the option that helps; the rest is warned of. The size of the torque
-itself cannot be checked: a machine with twice the inertia, gravity and friction moves alike under twice the torque.
+A set-point that cannot be used raises an error with the option that helps; the rest gives warnings. The scale of the
+torque cannot be checked: a machine with twice the inertia, gravity and friction moves equally under twice the torque.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from identification.errors import MalformedLog
 from identification.recording import Array, Finding, Recording
 
-# How many times as far the output moves as the channel says, and the units that would explain it.
+# Ratio of the motion of the output to that in the channel, and the units that would explain it.
 _ANGLES = (
     (180 / np.pi, "deg", "rad"),
     (np.pi / 180, "rad", "deg"),
@@ -23,15 +23,15 @@ _ANGLES = (
     (1e-3, "rad", "mrad"),
 )
 _LENGTHS = ((1e3, "mm", "m"), (1e-3, "m", "mm"), (1e6, "um", "m"), (1e-6, "m", "um"))
-_FOLLOWS = 0.9  # correlation of a servo's output with its goal
-_ANSWERS = 0.5  # [s] in which it does
-_ONE_UNIT = 6.0  # no servo follows a set-point so many times as far as it goes
-_TEETH = 0.35  # logarithm of the ratio of two pinions of one gear
-_SLOW_TO_FAST = 3.0  # a reducing gear's load does not move so many times as fast as the motor
+_FOLLOWS = 0.9  # least correlation of a servo's output with its set-point
+_ANSWERS = 0.5  # [s] longest delay of the output
+_ONE_UNIT = 6.0  # ratio of output to set-point that no servo has if both are in one unit
+_TEETH = 0.35  # largest logarithm of the ratio of two pinions of one gear
+_SLOW_TO_FAST = 3.0  # ratio of load to motor that no reducing gear has
 
 
 def check_goal_unit(recording: Recording) -> None:
-    """Refuse a goal that is the command and is in another unit than the output: no servo law makes sense of both."""
+    """Raise an error if the set-point of a position servo is in another unit than the output."""
     if not recording.servo_gain.any():
         return
     finding = _unit_of(recording, "setpoint")
@@ -51,7 +51,7 @@ def check_goal_unit(recording: Recording) -> None:
 
 
 def inconsistent_channels(recording: Recording) -> Iterable[Finding]:
-    """Warn of channels whose sizes or signs do not fit together."""
+    """Warn of channels with scales or signs that do not fit together."""
     for name in ("reference", "setpoint"):
         finding = _unit_of(recording, name)
         if finding is not None:
@@ -61,7 +61,7 @@ def inconsistent_channels(recording: Recording) -> Iterable[Finding]:
 
 
 def _unit_of(recording: Recording, name: str) -> Finding | None:
-    """A reference or goal that the output follows at the factor of a unit."""
+    """Finding on a reference or set-point that the output follows with the factor of a unit, or with the other sign."""
     ratio = _ratio_to(recording, name)
     if ratio is None:
         return None
@@ -85,20 +85,20 @@ def _unit_of(recording: Recording, name: str) -> Finding | None:
 
 
 def _ratio_to(recording: Recording, name: str) -> float | None:
-    """How far the output moves for 1 of a reference or set-point, at once or a little later; None if uncorrelated."""
+    """Ratio of the output to a reference or set-point, at once or with a small delay; None if uncorrelated."""
     wanted, output, sound = recording.others.get(name), recording.output, recording.valid
     if wanted is None:
         return None
     latest = min(round(_ANSWERS / float(np.median(np.diff(recording.time)))), len(output) // 10)
     later = range(0, latest + 1, max(1, latest // 50))
     found = [_slope(wanted[: len(wanted) - lag][sound[lag:]], output[lag:][sound[lag:]]) for lag in later]
-    at_once, best = found[0], max(found)  # what turns against the request does so at once
+    at_once, best = found[0], max(found)  # a reversed sign shows without delay
     alike, ratio = at_once if abs(at_once[0]) >= _FOLLOWS else best
     return ratio if abs(alike) >= _FOLLOWS else None
 
 
 def _shafts(recording: Recording) -> Iterable[Finding]:
-    """Both motors turn the same follower: their shafts turn the same way, by the ratio of two gears."""
+    """Both motors drive the same output gear: their shafts turn in the same direction, by the ratio of two gears."""
     turns = {name: recording.others[name] for name in ("angle_1", "angle_2") if name in recording.others}
     ratios = {name: _ratio(values, recording.output, recording, window=50) for name, values in turns.items()}
     known = {name: ratio for name, ratio in ratios.items() if ratio is not None}
@@ -126,7 +126,7 @@ def _shafts(recording: Recording) -> Iterable[Finding]:
 
 
 def _pinion_torques(recording: Recording) -> Iterable[Finding]:
-    """Where the follower's torque was logged beside those of the pinions, it is their sum by the gears (eq. 2)."""
+    """If the torque at the output gear and those of the pinions were logged, the first is the sum by eq. (2)."""
     if "torque_1" not in recording.others or "torque_2" not in recording.others:
         return
     pinions = np.column_stack([recording.others["torque_1"], recording.others["torque_2"]])
@@ -151,7 +151,7 @@ def _pinion_torques(recording: Recording) -> Iterable[Finding]:
 
 
 def _ratio(channel: Array, output: Array, recording: Recording, window: int | None = None) -> float | None:
-    """Slope of the output over a channel, or of their increments over a fiftieth of the log; None if unlike."""
+    """Slope of the output over a channel, or of their increments over 1/`window` of the log; None if uncorrelated."""
     sound = recording.valid
     if window is not None:
         span = max(1, len(output) // window)
@@ -162,7 +162,7 @@ def _ratio(channel: Array, output: Array, recording: Recording, window: int | No
 
 
 def _slope(asked: Array, moved: Array) -> tuple[float, float]:
-    """Correlation of the motion with the wanted one, and how far it moved for 1; zeros where one stands still."""
+    """Correlation and slope of a motion over the requested one; zeros if one of them is constant."""
     if len(asked) < 2 or np.ptp(asked) == 0 or np.ptp(moved) == 0:
         return 0.0, 0.0
     asked, moved = asked - asked.mean(), moved - moved.mean()

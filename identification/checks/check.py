@@ -1,4 +1,4 @@
-"""Checks of a recording: what is found is said, what is repaired is said, what cannot be used is refused.
+"""Checks of a recording: findings and repairs are reported; a recording that cannot be used raises an error.
 
 Each check takes a `Recording` and returns it, repaired or not, with its findings; `check` runs them in order.
 """
@@ -27,10 +27,10 @@ from identification.recording import Checked, Finding, Recording, counted
 
 
 def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
-    """All checks, in an order in which none trips over what the one before leaves.
+    """All checks, in an order in which no repair disturbs a later check.
 
     Returns the usable parts of the recording (none if all are too short) and the findings.
-    Raises `MalformedLog` for what cannot be used.
+    Raises `MalformedLog` for a recording that cannot be used.
     """
     recording, findings = check_time(join_rows(recording))
     check_time_unit(recording)
@@ -40,7 +40,7 @@ def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
     findings += found
     parts = _divide([recording], findings, split_at_gaps)
     parts = _divide(parts, findings, drop_repeats, fill_output, fill_command, fill_others)
-    if recording.response == "velocity":  # it does jump, rest at a value and turn round, and no counter is in it
+    if recording.response == "velocity":  # it may jump, rest and reverse, and it is no counter
         parts = _divide(parts, findings, lambda part: ([part], []), mask_spikes)
     else:
         parts = _divide(parts, findings, split_at_jumps, mask_spikes, mask_dropouts, unwrap, mask_frozen)
@@ -69,7 +69,7 @@ def _divide(
     split: Callable[[Recording], tuple[list[Recording], list[Finding]]],
     *repairs: Callable[[Recording], Checked],
 ) -> list[Recording]:
-    """Repair each part, split it, and keep the pieces that are long enough; what was found goes to the findings."""
+    """Repair each part, split it, and keep the pieces that are long enough; the findings are appended to `findings`."""
     kept = []
     for part in parts:
         for repair in repairs:
@@ -87,7 +87,7 @@ def _divide(
 
 
 def mask_spikes(recording: Recording) -> Checked:
-    """Isolated readings that jump away and return are masked."""
+    """Mask isolated samples that jump away and return."""
     spikes = find_spikes(recording.output, _step(recording)) & recording.valid
     if not spikes.any():
         return recording, []
@@ -103,7 +103,7 @@ def mask_spikes(recording: Recording) -> Checked:
 
 
 def unwrap(recording: Recording) -> Checked:
-    """Counters that wrapped around are continued, which also bares the spikes beside a wrap."""
+    """Continue counters that wrapped around, and mask the spikes that become visible near a wrap."""
     turn = 2 * np.pi if recording.axis == "rotary" else None
     findings = []
     channels = {"output": recording.output, **{k: recording.others[k] for k in recording.others if "angle_" in k}}
@@ -134,10 +134,10 @@ def unwrap(recording: Recording) -> Checked:
 
 
 def mask_clipped(recording: Recording) -> Checked:
-    """A clipped output is masked; a clipped command is only reported, for a limit before the drive is no fault."""
+    """Mask a clipped output; only report a clipped command, because a limit before the drive is not a fault."""
     findings = []
     clipped = find_flat_tops(recording.output, _step(recording))
-    if clipped.any() and recording.response == "angle":  # a velocity may well be constant at its top
+    if clipped.any() and recording.response == "angle":  # a velocity may be constant at its maximum
         text = (
             f"{recording.where(int(np.flatnonzero(clipped)[0]))}: '{recording.name('output')}' is clipped in "
             f"{int(clipped.sum())} samples, which are masked"
@@ -155,7 +155,7 @@ def mask_clipped(recording: Recording) -> Checked:
 
 
 def mask_frozen(recording: Recording) -> Checked:
-    """Readings that stand still in the midst of motion and then catch up are masked."""
+    """Mask samples that are constant during motion and then catch up."""
     frozen = find_frozen(recording.output, _step(recording)) & recording.valid
     if not frozen.any():
         return recording, []
@@ -167,7 +167,7 @@ def mask_frozen(recording: Recording) -> Checked:
 
 
 def constant_channels(recording: Recording) -> Iterable[Finding]:
-    """A load that never turns shows only part of its parameters; a constant extra channel is likely unplugged."""
+    """Report a load that never turns, a command that is zero during motion, and constant channels of a moving load."""
     if np.ptp(recording.output[recording.valid]) == 0:
         text = (
             f"{recording.label}: '{recording.name('output')}' is constant, the load never turns; "
@@ -199,13 +199,13 @@ WARNINGS = (
 
 
 def excited(recording: Recording) -> bool:
-    """False when neither the command nor the output ever changes: nothing can be learned."""
+    """False if neither the command nor the output ever changes: no parameter can be identified."""
     passive = np.ptp(recording.command) == 0 and np.ptp(recording.servo_gain) == 0
     return not (passive and np.ptp(recording.output[recording.valid]) == 0)
 
 
 def _step(recording: Recording) -> float:
-    """Encoder step of the output; bridged samples lie between its steps."""
+    """Encoder step of the output, from valid samples only: interpolated ones lie between its steps."""
     return quantum(recording.output[recording.valid])
 
 

@@ -2,10 +2,10 @@
 
     x'' = b tau(t + d) - k v - k2 v |v| - friction(sgn v) - gravity(cos x, sin x) + c
 
-Every term passes the same Gaussian filter, so that derivatives of a noisy reading can be used and the filter itself
-moves nothing in time (the modulating functions of Shinbrot 1957, with a kernel in place of a window). It needs no
-simulation and no start values, which makes it a means for looking at data before any model is fitted. `d` is the time
-by which the command column lags behind the output's.
+Every term passes the same Gaussian filter, so that derivatives of a noisy measurement can be used and the filter itself
+causes no delay (the modulating functions of Shinbrot 1957, with a kernel in place of a window). It needs no simulation
+and no starting values, so that data can be checked before any model is fitted. `d` is the time by which the command
+column lags behind the output column.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy as np
 from identification.recording import Array, Recording
 
 WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16)  # standard deviations of the filter [s]
-UNEXPLAINED = 0.3  # a filter serves if the command leaves less of the acceleration that the motion terms leave
+UNEXPLAINED = 0.3  # most residual share of the acceleration not explained by motion terms, for a usable filter
 _NARROWEST = 1.5  # samples
-_LONGEST = 40_000  # samples that are looked at
-_ROWS = 3000  # of them enter the regression
-_REACH, _LEAST_REACH = 0.4, 30  # [s], samples: how far shifts go
-_KINKS = (0.02, 0.2)  # share of the usual speed over which friction turns
+_LONGEST = 40_000  # most samples that are used
+_ROWS = 3000  # of them in the regression
+_REACH, _LEAST_REACH = 0.4, 30  # [s], samples: largest shift
+_KINKS = (0.02, 0.2)  # of the rms speed: widths over which friction changes its sign
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,11 +30,11 @@ class Profile:
     """Residual of the regression over the shift of the command.
 
     width: standard deviation of the filter [s]; sample_time [s].
-    shifts: (D,) [s], positive where the command column lags behind the output's.
-    residual: (D,) share of the acceleration that is left unexplained, of that which the motion alone leaves.
+    shifts: (D,) [s], positive if the command column lags behind the output column.
+    residual: (D,) unexplained share of the acceleration that the motion terms alone do not explain.
     slope: (D,) acceleration per unit of command: one over the inertia.
     blocks: (B, D) the residual, by blocks of time.
-    independent: number of independent samples behind the filter.
+    independent: number of independent samples after the filter.
     """
 
     width: float
@@ -58,7 +58,7 @@ class Profile:
 
     @property
     def lag(self) -> float:
-        """The shift of the least residual, between the shifts by a parabola [s]."""
+        """The shift of the least residual, interpolated by a parabola [s]."""
         k = self.best
         left, least, right = self.residual[k - 1 : k + 2]
         bend = left - 2 * least + right
@@ -66,9 +66,9 @@ class Profile:
         return float(self.shifts[k] + part * (self.shifts[1] - self.shifts[0]))
 
     def evidence(self, start: float, stop: float) -> float:
-        """Log-likelihood by which the best shift beats all shifts outside (start, stop) [s].
+        """Gain in log-likelihood of the best shift over all shifts outside (start, stop) [s].
 
-        It is 0 where one of the two sides is out of reach, or where all rests on a single block of time.
+        It is 0 if one of the two sides is out of range, or if the gain comes from a single block of time.
         """
         outside = (self.shifts <= start) | (self.shifts >= stop)
         if outside[self.best] or not (outside[0] and outside[-1]):
@@ -82,7 +82,7 @@ class Profile:
 
 
 def profiles(recording: Recording, count: int = 2) -> list[Profile]:
-    """Profiles for the narrowest filters that serve, at most `count`: the narrower, the less friction blurs."""
+    """Profiles of the narrowest usable filters, at most `count`: a narrow filter smooths friction less."""
     part = middle(recording)
     found: list[Profile] = []
     for width in WIDTHS:
@@ -95,7 +95,7 @@ def profiles(recording: Recording, count: int = 2) -> list[Profile]:
 
 
 def middle(recording: Recording) -> Recording:
-    """The middle of a long recording, which is enough to look at."""
+    """The middle of a long recording, enough for the checks."""
     over = max(0, len(recording) - _LONGEST)
     return recording.take(slice(over // 2, len(recording) - (over - over // 2)))
 
@@ -112,7 +112,7 @@ def _profile(recording: Recording, width: float) -> Profile | None:
     rows = np.arange(edge, count - edge, max(1, int(sigma / 4), (count - 2 * edge) // _ROWS))
     clock = recording.time[0] + dt * np.arange(count)
     sound, output, command, returned = resampled_evenly(recording, clock)
-    rows = rows[gaussian(1.0 - sound, sigma)[rows] < 1e-3]  # nothing masked or saturated within the filter's reach
+    rows = rows[gaussian(1.0 - sound, sigma)[rows] < 1e-3]  # no masked or saturated sample in the filter
     if len(rows) < 50:
         return None
     acceleration = gaussian(output, sigma, 2) / dt**2
@@ -149,7 +149,7 @@ def _profile(recording: Recording, width: float) -> Profile | None:
 
 
 def resampled_evenly(recording: Recording, clock: Array) -> tuple[Array, Array, Array, Array]:
-    """Soundness, output, command and the servo's return (gain times output) at even times."""
+    """Validity, output, command and the servo's feedback (gain times output) at even times."""
     drive = recording.drive
     sound = recording.valid & (np.abs(drive) < recording.command_limit)
 
@@ -162,7 +162,7 @@ def resampled_evenly(recording: Recording, clock: Array) -> tuple[Array, Array, 
 
 
 def motion_terms(recording: Recording, output: Array, velocity: Array, sigma: float) -> Array:
-    """(T, n) what acts beside the command, by filtered output and speed: friction, gravity, a constant."""
+    """(T, n) regressors other than the command, from filtered output and speed: friction, gravity, a constant."""
     usual = float(np.sqrt(np.mean(velocity**2))) or 1.0
     speed = velocity / usual
     terms = [np.ones_like(output), speed, speed * np.abs(speed), np.abs(speed)]
@@ -173,7 +173,7 @@ def motion_terms(recording: Recording, output: Array, velocity: Array, sigma: fl
 
 
 def _two_column_fit(columns: list[Array], target: Array) -> tuple[Array, Array]:
-    """Least squares for each shift at once: slope (D,) of the first column and what is left (rows, D)."""
+    """Least squares for all shifts at once: slope (D,) of the first column and residuals (rows, D)."""
     first = columns[0]
     squares = np.maximum(np.sum(first**2, axis=0), 1e-300)
     left = target[:, None] - first * (target @ first / squares)
@@ -190,7 +190,7 @@ def _two_column_fit(columns: list[Array], target: Array) -> tuple[Array, Array]:
 
 
 def gaussian(values: Array, sigma: float, order: int = 0) -> Array:
-    """Gaussian filter (T,), or its derivative per sample; the ends within 4 sigma are not to be used."""
+    """Gaussian filter (T,), or its derivative per sample; the ends within 4 sigma must not be used."""
     from scipy.signal import oaconvolve
 
     place = np.arange(-int(np.ceil(4 * sigma)), int(np.ceil(4 * sigma)) + 1)

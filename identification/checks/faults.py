@@ -1,8 +1,7 @@
 """Faults of a single measured channel: spikes, counter wraps, clipping, freezing.
 
-Each detector takes one channel and its encoder step and says which samples are concerned; none of them changes
-anything. They are built to let motion, steps, stick-slip and noise pass: a fault must stand out from its own
-neighbourhood, by a multiple.
+Each detector takes one channel and its encoder step and returns the faulty samples; none of them changes anything.
+Motion, steps, stick-slip and noise must not be detected: a fault must exceed its neighbourhood by a multiple.
 """
 
 from __future__ import annotations
@@ -12,31 +11,31 @@ from numpy.typing import NDArray
 
 from identification.recording import Array
 
-_FLANK = 5  # samples on either side that a spike is compared with
+_FLANK = 5  # samples on either side with which a spike is compared
 _WIDEST_SPIKE = 4
 _OVER_FLANK, _OVER_NOISE, _OVER_QUANTUM = 8.0, 10.0, 5.0
 
 
 def quantum(values: Array) -> float:
-    """The smallest step between two neighbouring samples, 0 for a constant channel; rounding errors are no steps."""
+    """The smallest step between two neighbouring samples, 0 for a constant channel; rounding errors do not count."""
     steps = np.abs(np.diff(values))
     steps = steps[steps > 1e-13 * np.abs(values).max(initial=0.0)]
     return float(steps.min()) if len(steps) else 0.0
 
 
 def find_spikes(values: Array, step: float) -> NDArray[np.bool_]:
-    """Mask (T,) of isolated jumps that return within a few samples, as a bus fault makes them.
+    """Mask (T,) of isolated jumps that return within a few samples, such as those of a bus fault.
 
     A parabola through five samples on either side predicts the samples between. They are a spike if each is off by
-    more than 8 times the worst misfit of the flanks (so that bends, steps and ringing pass), 10 times the local
-    noise, and 5 encoder steps.
+    more than 8 times the worst misfit of the flanks (so that bends, steps and ringing are not detected), 10 times the
+    local noise, and 5 encoder steps.
     """
     spikes = np.zeros(len(values), dtype=bool)
     if len(values) < 4 * _FLANK:
         return spikes
     index = np.arange(len(values))
     cleaned = values
-    for _ in range(3):  # what hides beside a large spike shows once that one is gone
+    for _ in range(3):  # a small spike near a large one is found once that one is removed
         found = _spike_pass(cleaned, step)
         if not np.any(found & ~spikes):
             break
@@ -72,7 +71,7 @@ def _spike_pass(values: Array, step: float) -> NDArray[np.bool_]:
 
 
 def _parabola(width: int) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Prediction (width, window) of the middle, misfit (10, 10) of the flanks, and the flanks' place in the window."""
+    """Prediction (width, window) of the middle, misfit (10, 10) of the flanks, and their indices in the window."""
     place = np.arange(2 * _FLANK + width)
     flank = np.r_[place[:_FLANK], place[-_FLANK:]]
     basis = np.vander((place - place.mean()) / _FLANK, 3)
@@ -85,9 +84,9 @@ def _parabola(width: int) -> tuple[Array, Array, NDArray[np.int64]]:
 def find_wraps(values: Array, index: NDArray[np.int64], turn: float | None, step: float) -> tuple[Array, float]:
     """Offsets (T,) that continue a counter which wrapped around, and its period (0 if it never did).
 
-    A wrap is a jump across nearly the whole range of the readings, before and after which the motion is the same, by
-    a period that counters have: `turn` times a power of two (1 and up), or 2^8 to 2^32 encoder steps. `index` (T,)
-    counts the samples, as unsound ones may be left out of `values`.
+    A wrap is a jump across nearly the whole range of the values, with the same motion before and after it, by a typical
+    period of counters: `turn` times a power of two (1 and up), or 2^8 to 2^32 encoder steps. `index` (T,) counts the
+    samples, because invalid ones may be left out of `values`.
     """
     none = np.zeros(len(values)), 0.0
     if len(values) <= 8:
@@ -113,11 +112,11 @@ def find_wraps(values: Array, index: NDArray[np.int64], turn: float | None, step
 
 
 def find_flat_tops(values: Array, step: float) -> NDArray[np.bool_]:
-    """Mask (T,) of samples at the channel's very end of scale, run into and left at speed: a clipped signal.
+    """Mask (T,) of samples at the channel's end of scale that is reached and left at speed: a clipped signal.
 
-    A held step also sits at its extreme, but the samples beside it do not point beyond it; a smooth peak slows down
-    before it turns; a load that friction stops slows down before it and leaves it slowly. Where the sampling is so
-    slow that speeds come and go within a sample, in other places too, nothing can be told.
+    A held step is at its extreme too, but the samples next to it do not point beyond it. A smooth peak slows down
+    before it reverses. A load that friction stops slows down before, and leaves slowly. If the sampling is so slow that
+    the speed changes within a sample elsewhere too, nothing is detected.
     """
     clipped = np.zeros(len(values), dtype=bool)
     if len(values) < 7:
@@ -140,10 +139,10 @@ def find_flat_tops(values: Array, step: float) -> NDArray[np.bool_]:
 
 
 def _steady(room: Array, least: float) -> bool:
-    """True if the room (3,), from the end of scale outwards, opens at once, and by more than `least` a sample.
+    """True if the distance (3,) to the end of scale grows at once, and by more than `least` per sample.
 
-    From rest, at a constant acceleration, the second increment is 5/3 to 3 times the first; beside a peak that was
-    cut off it is at most 1.4 times the first.
+    From rest, at a constant acceleration, the second increment is 5/3 to 3 times the first; next to a clipped peak it
+    is at most 1.4 times the first.
     """
     first, second = np.diff(room)
     slope = (first + second) / 2
@@ -151,7 +150,7 @@ def _steady(room: Array, least: float) -> bool:
 
 
 def find_frozen(values: Array, step: float) -> NDArray[np.bool_]:
-    """Mask (T,) of readings that stand still for five samples or more in the midst of motion and then catch up."""
+    """Mask (T,) of values that are constant for five samples or more during motion and then catch up."""
     frozen = np.zeros(len(values), dtype=bool)
     for start, stop in stretches(np.append(np.diff(values) == 0, False)):
         stop += 1  # a stretch of equal differences has one sample more
@@ -159,7 +158,7 @@ def find_frozen(values: Array, step: float) -> NDArray[np.bool_]:
             continue
         slope = (values[start] - values[start - 3]) / 3
         jump, after = np.sign(slope) * np.diff(values[stop - 1 : stop + 2])
-        # A stuck load leaves slowly; a stuck reading makes up at once for all the motion that it missed.
+        # A stuck load starts slowly; a stuck measurement catches up with all the missed motion at once.
         if abs(slope) > 3 * step and jump > 0.4 * abs(slope) * (stop - start) and abs(after) < 0.5 * jump:
             frozen[start + 1 : stop] = True
     return frozen

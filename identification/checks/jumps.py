@@ -1,8 +1,8 @@
-"""Readings that jump and do not come back, or come back later: experiments glued together, drop-outs.
+"""Values that jump and do not return, or return later: concatenated experiments, drop-outs.
 
-Two straight lines through a few samples on either side of a step of time meet in it when the load moves, whatever
-the torque does, but for the bend of its path. A jump is a mismatch that neither that bend, nor a change of speed at
-an unknown instant within the step, nor anything else that happens in the same log can make.
+For any torque, straight lines through a few samples before and after a time step meet within the step, except for the
+curvature of the motion. A jump is a mismatch that is too large for that curvature, for a change of speed at an unknown
+instant within the step, and compared with all other mismatches in the log.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from identification.recording import Array, Checked, Finding, Recording, counted
 
 _SIDE = 6  # samples on either side
 _OVER_ELSEWHERE, _OVER_MISFIT, _OVER_SPEED, _OVER_QUANTUM = 5.0, 8.0, 3.0, 6.0
-_FEW = 200  # samples for each jump at least: more of them are the machine's nature
+_FEW = 200  # least samples per jump: more frequent ones belong to the machine
 _LONGEST_DROPOUT = 0.1  # of the samples
 
 
 def find_jumps(values: Array, time: Array, step: float) -> tuple[NDArray[np.int64], Array]:
-    """Indices (N,) of the first samples behind a jump and the sizes (N,) of the jumps."""
+    """Indices (N,) of the first samples after a jump and the sizes (N,) of the jumps."""
     none = np.empty(0, dtype=np.int64), np.empty(0)
     count = len(values)
     if count < 10 * _SIDE:
@@ -34,7 +34,7 @@ def find_jumps(values: Array, time: Array, step: float) -> tuple[NDArray[np.int6
     steps = np.diff(time)[_SIDE - 1 : count - _SIDE]
     candidate &= steps < 1.5 * np.median(steps)
     places = np.flatnonzero(candidate)
-    # One jump may show at its neighbours too: keep the greatest within a window.
+    # A jump may be visible at neighbouring samples too: keep the greatest within a window.
     standing = np.where(candidate, excess, 0.0)
     places = np.array(
         [p for p in places if standing[p] == standing[max(0, p - _SIDE) : p + _SIDE + 1].max()], dtype=int
@@ -46,7 +46,7 @@ def find_jumps(values: Array, time: Array, step: float) -> tuple[NDArray[np.int6
         away[max(0, place - 2 * _SIDE) : place + 2 * _SIDE + 1] = False
     elsewhere = float(excess[away].max(initial=0.0))
     places = places[np.argsort(excess[places])]
-    for kept in range(len(places)):  # the machine's own jumps are many and of all sizes: look for a break in the sizes
+    for kept in range(len(places)):  # jumps of the machine are many and of all sizes: find a gap
         below = max(elsewhere, float(excess[places[kept - 1]]) if kept else 0.0)
         rest = len(places) - kept
         if excess[places[kept]] > _OVER_ELSEWHERE * below and rest * _FEW <= max(count, _FEW):
@@ -56,7 +56,7 @@ def find_jumps(values: Array, time: Array, step: float) -> tuple[NDArray[np.int6
 
 
 def _mismatch(values: Array) -> tuple[Array, Array, Array]:
-    """For each step of time: mismatch of the two lines, their worst misfit, and both speeds together per sample."""
+    """For each time step: mismatch of the two lines, their worst misfit, and the sum of both speeds per sample."""
     windows = np.lib.stride_tricks.sliding_window_view(values - values.mean(), 2 * _SIDE)
     place = np.arange(_SIDE) - (_SIDE - 1) / 2
     centre = np.full(_SIDE, 1 / _SIDE)
@@ -71,7 +71,7 @@ def _mismatch(values: Array) -> tuple[Array, Array, Array]:
 
 
 def mask_dropouts(recording: Recording) -> Checked:
-    """A reading that jumps to one value, stays on it exactly, and jumps back is masked."""
+    """Mask samples that jump to one value, stay exactly constant, and jump back."""
     values, valid = recording.output, recording.valid
     dropped = np.zeros(len(values), dtype=bool)
     places, sizes = find_jumps(values, recording.time, quantum(values[valid]))
@@ -92,7 +92,7 @@ def mask_dropouts(recording: Recording) -> Checked:
 
 
 def split_at_jumps(recording: Recording) -> tuple[list[Recording], list[Finding]]:
-    """Where the output jumps further than any motion and keeps its new level, another experiment begins."""
+    """Split the recording where the output jumps further than any motion and stays at the new level."""
     places, sizes = find_jumps(recording.output, recording.time, quantum(recording.output[recording.valid]))
     sound = [bool(recording.valid[p - 2 : p + 2].all()) for p in places]
     places, sizes = places[sound], sizes[sound]

@@ -1,4 +1,4 @@
-"""Samples that are missing: readings are interpolated and masked, commands are held, broken extras are dropped."""
+"""Missing samples: outputs are interpolated and masked, commands are held, broken optional channels are dropped."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from identification.errors import MalformedLog
 from identification.recording import Array, Checked, Finding, Recording, counted
 from plant.number import HUGE
 
-AFTER_HELD = 10  # samples that a guessed command still disturbs
+AFTER_HELD = 10  # samples that are disturbed after a held command
 
 
 def fill_command(recording: Recording) -> Checked:
-    """A few missing commands are held from the sample before, and the output they disturb is masked."""
+    """Hold the last command over a few missing ones, and mask the disturbed output."""
     known = np.isfinite(recording.command) & np.isfinite(recording.servo_gain)
     name = recording.name("command")
     _refuse_huge(recording, recording.command, name)
@@ -45,7 +45,7 @@ def fill_command(recording: Recording) -> Checked:
 
 
 def fill_output(recording: Recording) -> Checked:
-    """Missing readings, and those that came masked, are interpolated, so that every sample is a sound number."""
+    """Interpolate missing and masked outputs, so that every sample is a finite number."""
     output, name = recording.output, recording.name("output")
     _refuse_huge(recording, np.where(recording.valid, output, 0.0), name)
     known = np.isfinite(output) & recording.valid
@@ -63,7 +63,7 @@ def fill_output(recording: Recording) -> Checked:
 
 
 def fill_others(recording: Recording) -> Checked:
-    """Channels that the fit can do without: small holes are interpolated, a broken channel is dropped."""
+    """Repair optional channels: small gaps are interpolated, a broken channel is dropped."""
     others: dict[str, Array] = {}
     findings = []
     for name, values in recording.others.items():
@@ -83,7 +83,7 @@ def fill_others(recording: Recording) -> Checked:
 
 
 def bridge(values: Array, known: NDArray[np.bool_]) -> Array:
-    """The values (T,), interpolated over the samples where they are not known."""
+    """The values (T,), interpolated over the unknown samples."""
     index = np.arange(len(values))
     return np.interp(index, index[known], values[known])
 

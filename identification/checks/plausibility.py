@@ -1,4 +1,4 @@
-"""Units that do not fit together. Never repaired: the message names the option that would."""
+"""Units that do not fit together. A unit is never changed: the message names the option that corrects it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _TURN = 2.0 * np.pi
 SLOWEST_SAMPLING = 0.5  # [s]
 FASTEST_SAMPLING = 1e-6  # [s]
 
-# How many times too fast the output moves against the velocity channel, and what the column must then be measured in.
+# Ratio of the output's speed to the velocity channel, and the unit that explains it.
 _RATIOS = {
     "rotary": (
         (180 / np.pi, "angle=deg"),
@@ -29,7 +29,7 @@ _RATIOS = {
 
 
 def check_time_unit(recording: Recording) -> None:
-    """Refuse a sample time that no servo log has: milliseconds or microseconds read as seconds."""
+    """Raise an error for a sample time that no servo log has: milliseconds or microseconds taken as seconds."""
     if len(recording) < 2:
         return
     step = float(np.median(np.diff(recording.time)))
@@ -65,7 +65,7 @@ def velocity_ratio(recording: Recording) -> float | None:
 
 
 def check_velocity_unit(recording: Recording) -> tuple[Recording, list[Finding]]:
-    """Refuse a velocity that contradicts the output by the factor of a unit; drop one of another shaft or sign."""
+    """Raise an error if velocity and output differ by the factor of a unit; drop a velocity with another ratio."""
     ratio = velocity_ratio(recording)
     if ratio is None or 0.8 < ratio < 1.25:
         return recording, []
@@ -80,7 +80,7 @@ def check_velocity_unit(recording: Recording) -> tuple[Recording, list[Finding]]
         f"{recording.label}: '{output}' moves {ratio:.4g} times as fast as '{velocity}' says, so the velocity is not "
         "used; give --scale velocity=FACTOR if it belongs to another shaft or has another sign"
     )
-    if recording.axis == "rotary" and abs(ratio - _TURN) < 0.02 * _TURN:  # which a gear may have as well
+    if recording.axis == "rotary" and abs(ratio - _TURN) < 0.02 * _TURN:  # or the ratio of a gear
         text += ", or --unit velocity=turn/s if it is in turns"
     others = {name: values for name, values in recording.others.items() if name != "velocity"}
     return replace(recording, others=others), [Finding(kind="velocity", repaired=True, text=text)]

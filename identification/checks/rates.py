@@ -1,8 +1,7 @@
-"""Channels that were sampled more slowly than the rows of the log: cells that are empty or repeat the last sample.
+"""Channels that were sampled more slowly than the rows of the log: cells are empty or repeat the last sample.
 
-Such cells are no samples and are masked. The samples of the output are the clock of the recording. The
-command holds from one sample to the next; between two samples of the output its mean counts, which
-gives the load the same impulse.
+Such cells are not samples and are not used. The samples of the output are the clock of the recording. The command is
+held from one sample to the next; between two samples of the output its mean is used, which has the same impulse.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from numpy.typing import NDArray
 from identification.checks.faults import quantum
 from identification.recording import Array, Checked, Finding, Recording
 
-_ENOUGH = 50  # changes of a reading from which its rhythm is known
+_ENOUGH = 50  # least number of changes from which the sampling pattern is known
 
 
 def on_output_samples(recording: Recording) -> Checked:
-    """The recording on the samples of its output, if the output or the command has a slower clock than the rows."""
+    """The recording at the samples of its output, if the output or the command is sampled more slowly than the rows."""
     command = np.isfinite(recording.command) & np.isfinite(recording.servo_gain)
     output = np.isfinite(recording.output) & recording.valid
     if not command.any() or not output.any():
@@ -45,7 +44,7 @@ def on_output_samples(recording: Recording) -> Checked:
     if not findings:
         return recording, []
     if not any(finding.kind in ("slower command", "slower output") for finding in findings):
-        output = np.ones(len(recording), dtype=bool)  # its few missing samples are masked as ever
+        output = np.ones(len(recording), dtype=bool)  # its few missing samples are masked later
     places = np.flatnonzero(output)
     if len(places) < len(recording):
         text = findings[-1].text + "; its own samples are used, and the mean of the command between them"
@@ -70,7 +69,7 @@ def _slow(name: str, text: str) -> Finding:
 
 
 def join_rows(recording: Recording) -> Recording:
-    """Rows of one instant with one channel in each, as one row."""
+    """Join rows of the same time that have one channel each."""
     if len(recording) == 0:
         return recording
     instant = np.append(0, np.cumsum(recording.time[1:] != recording.time[:-1]))
@@ -97,23 +96,23 @@ def join_rows(recording: Recording) -> Recording:
 
 
 def slower(known: NDArray[np.bool_]) -> bool:
-    """Whether rows without a sample lie between most samples (T,): a slower clock, and not a few missing samples."""
+    """Whether most samples (T,) have rows without a sample between them: slower sampling, not a few missing samples."""
     places = np.flatnonzero(known)
     return len(places) > 2 and float(np.median(np.diff(places))) >= 2
 
 
 def _rows(known: NDArray[np.bool_]) -> str:
-    """From how many rows one has a sample, as an ordinal: "10th"."""
+    """Mean number of rows per sample, as an ordinal: "10th"."""
     number = round(float(np.mean(np.diff(np.flatnonzero(known)))))
     ending = "th" if number % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
     return f"{number}{ending}"
 
 
 def held_for(values: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-    """(T,) rows at which a new sample came, if each is repeated for as many rows; else None.
+    """(T,) rows with a new sample, if each sample is repeated for the same number of rows; else None.
 
-    Between two changes lie k rows or k + 1, or a multiple where two samples are alike, and never fewer; and the steps
-    are of many sizes, as those of a slow load on an encoder are not: it moves by single counts.
+    Two changes are k or k + 1 rows apart, or a multiple of that if samples are equal, and never fewer. The steps must
+    have many sizes: a slow load on an encoder moves by single counts.
     """
     if not known.all():
         return None
@@ -130,14 +129,14 @@ def held_for(values: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_] | Non
     usual = float(np.mean(spacing[spacing <= rows + 1]))
     early = changes[0] - np.round(usual * np.arange(1, int(changes[0] / usual) + 1)).astype(int)
     fresh[early] = True
-    for first, last in pairwise([*changes, len(values)]):  # samples that are alike lie in a longer stretch
+    for first, last in pairwise([*changes, len(values)]):  # equal samples make a longer stretch
         samples = max(1, round((last - first) / usual))
         fresh[first + np.round(np.arange(samples) * (last - first) / samples).astype(int)] = True
     return fresh
 
 
 def _means(held: Array, time: Array, places: NDArray[np.int64]) -> Array:
-    """Mean of a value (T,) that holds from row to row, from each of the places to the next."""
+    """Mean of a value (T,) that is held from row to row, from each of the `places` to the next."""
     steps = np.diff(time, append=2 * time[-1] - time[-2])
     edges = np.append(places, len(time))
     sums = np.add.reduceat(held * steps, places)
@@ -147,7 +146,7 @@ def _means(held: Array, time: Array, places: NDArray[np.int64]) -> Array:
 
 
 def _at(values: Array, places: NDArray[np.int64]) -> Array:
-    """Values (T,) at some rows, interpolated there from their own samples if they are of a slower clock, too."""
+    """Values (T,) at the rows `places`, interpolated from their samples if these are slower too."""
     known = np.isfinite(values)
     if not slower(known):
         return values[places]

@@ -1,8 +1,8 @@
 """A part of the log that occurs twice: a buffer that the logger wrote again.
 
-Noise does not repeat. Fifty noisy readings that come again digit by digit are the same readings, whatever the load
-did. Where the noise does not reach the encoder's step (or there is none, in a simulation), a load that does the same
-again may well read the same again, and nothing is said.
+Noise does not repeat. Fifty noisy values that occur again digit by digit are the same measurements, whatever the load
+did. If the noise is below the encoder step (or absent, in a simulation), a repeated motion may give the same values,
+and nothing is reported.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from identification.checks.faults import quantum, stretches
 from identification.recording import Array, Finding, Recording
 
 SHORTEST = 50  # samples
-_CHANGES = 25  # of the readings within a repeated part: a load at rest repeats itself
-_LEAST_NOISE = 0.3  # encoder steps; then two readings of one angle agree in three of four cases at most
+_CHANGES = 25  # least changes of the value in a repeated part: a load at rest repeats itself
+_LEAST_NOISE = 0.3  # encoder steps; then two measurements of one angle agree in three of four cases at most
 
 
 def find_repeats(values: Array) -> list[tuple[int, int, int]]:
-    """(first, second, length) of parts whose readings occur twice, one behind the other in time."""
+    """(first, second, length) of parts of the values that occur twice."""
     if len(values) < 2 * SHORTEST or not _noisy(values):
         return []
     found: list[tuple[int, int, int]] = []
@@ -36,7 +36,7 @@ def find_repeats(values: Array) -> list[tuple[int, int, int]]:
 
 
 def _candidates(values: Array) -> list[tuple[int, int]]:
-    """Places whose next 16 readings are equal, in order; windows without changes are passed over."""
+    """Pairs of indices whose next 16 values are equal, in order; windows with few changes are skipped."""
     width = 16
     digits = np.unique(values, return_inverse=True)[1].astype(np.uint64)
     with np.errstate(over="ignore"):
@@ -60,10 +60,10 @@ def _candidates(values: Array) -> list[tuple[int, int]]:
 
 
 def _noisy(values: Array) -> bool:
-    """True if the readings hold noise of their own beyond the rounding to the encoder's step.
+    """True if the values have noise beyond the rounding to the encoder step.
 
-    Sixth differences leave nothing of the motion; of white noise they leave the 924-fold variance, and neighbours
-    correlate by -6/7.
+    Sixth differences remove the motion; they multiply the variance of white noise by 924, and neighbours have a
+    correlation of -6/7.
     """
     sixth = np.diff(values, 6)
     moving = np.abs(sixth) > 0
@@ -76,7 +76,7 @@ def _noisy(values: Array) -> bool:
 
 
 def drop_repeats(recording: Recording) -> tuple[list[Recording], list[Finding]]:
-    """A part that occurs a second time is left out there, and the run is split."""
+    """Leave out the second copy of a part, and split the run there."""
     found = find_repeats(np.where(recording.valid, recording.output, np.nan))
     if not found:
         return [recording], []

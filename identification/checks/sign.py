@@ -1,10 +1,11 @@
-"""Whether the command drives the motion or runs against it, with one sign or with that of each of two torques.
+"""Test whether the command drives the motion or has the wrong sign, also for each of two torques.
 
-Torque is inertia times acceleration and terms of angle and speed, so that what these terms leave of the torque goes
-with what they leave of the acceleration. Filters of several widths are tried; a log is cut into blocks of equal
-acceleration, so that each may tell as much, and the agreement of the blocks is Student's t. A second witness must not
-contradict: the work that the torque does on the load. In one tone the first is easily deceived, as acceleration then
-goes with the angle, and in a loop that holds against a push the second, as there the load works.
+Torque is inertia times acceleration plus terms of angle and speed. So the residual of the torque after regression on
+these terms is proportional to that of the acceleration, and the slope is the inertia. Filters of several widths are
+tried. The log is cut into blocks of equal squared acceleration, so that each has equal information; Student's t tests
+the agreement of the blocks. A second statistic must not contradict: the work of the torque on the load. The first one
+is unreliable for a single sine, because acceleration is then proportional to the angle; the second one is unreliable in
+a loop that resists an external force, because the load does work there.
 """
 
 from __future__ import annotations
@@ -21,14 +22,15 @@ from identification.recording import Array, Finding, Recording
 WIDTHS = (1.5, 3.0, 6.0, 12.0, 24.0)  # standard deviations of the filter, in samples
 BLOCKS = 12
 SURE, DOUBTFUL, WORKS = 8.0, 4.0, 2.0  # Student's t: one log in 300 000, in 1000, in 30 by chance
-_ONE_WAY = 0.9  # share of all work that is done against the motion
+_ONE_WAY = 0.9  # share of the absolute work by which braking must exceed driving
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """A recording behind one filter: (N,) acceleration, speed and rows, and (N, n) what else may act.
+    """A recording after one filter: (N,) acceleration, speed and rows, and (N, n) other regressors.
 
-    terms and gravity: bases of all that may act, and of gravity and a constant; friction: columns of friction alone.
+    terms: orthonormal basis of friction, gravity and a constant; gravity: that of gravity and a constant; friction:
+    regressors of friction alone.
     """
 
     sigma: float
@@ -40,7 +42,7 @@ class View:
     gravity: Array
 
     def behind(self, command: Array) -> Array:
-        """(N,) a command (T,) behind the filter."""
+        """(N,) a command (T,) after the filter."""
         return np.asarray(gaussian(command, self.sigma)[self.rows])
 
     def inertia(self, command: Array) -> float:
@@ -49,11 +51,11 @@ class View:
         return agreement(own, beyond(self.behind(command), self.terms))
 
     def work(self, command: Array) -> float:
-        """Student's t of the work that is done on the load, beside gravity."""
+        """Student's t of the work on the load, without that against gravity."""
         return agreement(beyond(self.speed, self.gravity), beyond(self.behind(command), self.gravity))
 
     def unexplained(self, command: Array) -> Array:
-        """(N,) squares of what acceleration, angle and speed leave of a command, as shares of its variance."""
+        """(N,) squared residuals of a command after regression on acceleration, angle and speed, over its variance."""
         basis = np.linalg.qr(np.column_stack([self.terms, self.acceleration]))[0]
         centred = self.behind(command) - self.behind(command).mean()
         variance = float(centred @ centred) / len(centred)
@@ -69,17 +71,17 @@ class Witnesses:
 
     @property
     def along(self) -> bool:
-        """Whether the command surely drives the motion."""
+        """Whether the command significantly drives the motion."""
         return self.inertia > SURE and self.work > -WORKS
 
     @property
     def against(self) -> bool:
-        """Whether the command surely has another sign."""
+        """Whether the command significantly has the wrong sign."""
         return self.inertia < -SURE and self.work < WORKS
 
 
 def views(recording: Recording) -> tuple[Recording, list[View]]:
-    """The part of a recording that is looked at, at even times, and the views of it that are long enough."""
+    """The middle of a recording at even times, and its views (one per filter) that are long enough."""
     part = middle(recording)
     dt = float(np.median(np.diff(part.time)))
     count = round((part.time[-1] - part.time[0]) / dt) + 1
@@ -126,13 +128,13 @@ def _view(part: Recording, sound: Array, sigma: float) -> View | None:
 
 
 def beyond(values: Array, basis: Array) -> Array:
-    """What an orthonormal basis (N, n) leaves of values (N,); nothing where that is rounding."""
+    """Residual of values (N,) after projection onto an orthonormal basis (N, n); zero if it is only rounding."""
     left = values - basis @ (basis.T @ values)
     return left if left @ left > 1e-16 * float(values @ values) else np.zeros_like(left)
 
 
 def agreement(regressor: Array, target: Array) -> float:
-    """Student's t of a slope over blocks in which the regressor (N,) has equal squares."""
+    """Student's t of a slope over blocks with an equal sum of squares of the regressor (N,)."""
     return student(regressor * target, regressor**2) if target.any() else 0.0
 
 
@@ -148,20 +150,20 @@ def student(values: Array, weight: Array) -> float:
 
 
 def undisputed(told: Sequence[float]) -> float:
-    """The t of the view that tells most; 0 if another view contradicts it."""
+    """The largest t in magnitude over the views; 0 if another view contradicts it."""
     best = max(told, key=abs)
     return 0.0 if any(t * np.sign(best) < -DOUBTFUL for t in told) else best
 
 
 def usable_witnesses(command: Array, seen: Sequence[View]) -> Witnesses:
-    """What both witnesses say of a command (T,)."""
+    """Both statistics of a command (T,)."""
     told = [view.inertia(command) for view in seen]
     view = seen[int(np.argmax(np.abs(told)))]
     return Witnesses(inertia=undisputed(told), work=view.work(command))
 
 
 def opposed(first: Array, second: Array, seen: Sequence[View]) -> bool:
-    """Whether the motion surely explains the difference of two torques (T,) better than their sum."""
+    """Whether the motion explains the difference of two torques (T,) significantly better than their sum."""
     told = []
     for view in seen:
         of_sum, of_difference = view.unexplained(first + second), view.unexplained(first - second)
@@ -170,7 +172,7 @@ def opposed(first: Array, second: Array, seen: Sequence[View]) -> bool:
 
 
 def sign_of_the_command(recording: Recording) -> Iterable[Finding]:
-    """A command that the load accelerates against makes the log unusable; one that only brakes is warned of."""
+    """A command against the acceleration makes the log unusable; one that only brakes gives a warning."""
     if recording.servo_gain.any():
         return
     part, seen = views(recording)
@@ -200,7 +202,7 @@ def sign_of_the_command(recording: Recording) -> Iterable[Finding]:
 
 
 def _turned(part: Recording, seen: Sequence[View]) -> tuple[str, ...]:
-    """Columns whose other sign makes the command drive the motion, none if it does or if that is open."""
+    """Columns that need the other sign for the command to drive the motion; none if it does or if this is uncertain."""
     pair = pinion_torques(part)
     if pair is None:
         return (_column(part),) if usable_witnesses(part.command, seen).against else ()
@@ -217,19 +219,19 @@ def _options(columns: Sequence[str]) -> str:
 
 
 def _column(recording: Recording) -> str:
-    """The column that the option --scale names."""
+    """The column for the option --scale."""
     known = [name for name in ("torque", "force", "current", "voltage") if name in recording.names]
     return known[0] if known else "force" if recording.axis == "linear" else "torque"
 
 
 def _brakes(part: Recording, seen: Sequence[View]) -> bool:
-    """Whether the load drives the motor nearly always: the work is against the motion wherever it is done."""
+    """Whether the command does negative work nearly always, so that the load drives the motor."""
     power = seen[0].behind(part.command) * seen[0].speed
     return bool(power.sum() < -_ONE_WAY * np.abs(power).sum()) and seen[0].work(part.command) < -DOUBTFUL
 
 
 def pinion_torques(recording: Recording) -> tuple[Array, Array] | None:
-    """What each of two pinions adds to the command (T,), where the command is their sum by the gears (eq. 2)."""
+    """The part (T,) of each of two pinions in the command, if the command is their sum by the gears (eq. 2)."""
     if "torque_1" not in recording.others or "torque_2" not in recording.others:
         return None
     pinions = np.column_stack([recording.others["torque_1"], recording.others["torque_2"]])

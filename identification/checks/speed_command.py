@@ -1,10 +1,11 @@
-"""A speed, or a set-point of one, that was taken for the torque.
+"""A speed, or its set-point, that was taken for the torque.
 
-A torque has to accelerate the load, and to overcome friction before it moves at all. A command that is the speed times
-a constant does neither. Where the constant is that of a unit of speed, a loop that follows its set-point with an error
-is known as well. Where it is another, the speed itself may have been taken. That shows no inertia, while the torque of
-a slow load with much viscous friction leads the speed by it. But a load of viscous friction alone moves like that too.
-So that is said, and no more, as it is where the command was given the unit of a torque.
+A torque has to accelerate the load, and to overcome friction before it moves at all. A command that is proportional to
+the speed does neither. If the factor is that of a unit of speed, also the set-point of a loop with a tracking error is
+recognised. With another factor, the speed itself may have been taken: then no inertia is significant, whereas the
+torque of a slow load with much viscous friction leads the speed because of its inertia. But a load with viscous
+friction alone moves in the same way. So this gives a warning only, and so does any command for which the unit of a
+torque was given.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ _UNITS = {
     "rotary": {"rad/s": 1.0, "rpm": 30 / np.pi, "deg/s": 180 / np.pi, "turn/s": 0.5 / np.pi, "mrad/s": 1e3},
     "linear": {"m/s": 1.0, "mm/s": 1e3, "mm/min": 6e4},
 }
-_EXACT, _FOLLOWED = 1e-3, 0.03  # share of the command's square that is not the speed times a constant
-_NEAR = 0.01  # of the factor of a unit
-_VARIES = 0.1  # share of the speed's square that is not its mean
+_EXACT, _FOLLOWED = 1e-3, 0.03  # most residual share of the command's sum of squares after regression on the speed
+_NEAR = 0.01  # relative tolerance of the factor of a unit
+_VARIES = 0.1  # least share of the variance in the mean square of the speed
 
 
 def speed_for_torque(recording: Recording) -> Iterable[Finding]:
-    """A command that is a speed in some unit makes the log unusable; one that is proportional to it is told."""
+    """A command that is a speed in some unit makes the log unusable; one proportional to it gives a warning."""
     if recording.servo_gain.any():
         return
     part, seen = views(recording)

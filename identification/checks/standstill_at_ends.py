@@ -1,9 +1,9 @@
-"""Rest at the ends of a recording, and recordings of nothing else: nothing is learned from them.
+"""Standstill at the ends of a recording, and recordings without motion: they have no information.
 
-At rest neither the command nor the output changes by more than its own resolution and noise, as the rest itself shows
-them. A bit of it is kept: at the start it tells the initial state, at the end that the load stays. Where a torque or a
-position loop holds the load, rest tells of friction and gravity: it may last as long as the motion, and a recording of
-it alone is kept. So are rests between motions.
+At standstill neither the command nor the output changes by more than its resolution and noise, estimated from the
+standstill itself. A short part of it is kept: at the start for the initial state, at the end as it shows that the load
+stays at rest. If a torque or a position loop holds the load, standstill has information about friction and gravity: it
+may last as long as the motion, and a recording of it alone is kept. Standstill between motions is always kept.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from identification.checks.faults import quantum
 from identification.checks.timing import MIN_DURATION, MIN_SAMPLES
 from identification.recording import Array, Finding, Recording
 
-_FREE, _HELD = 0.1, 1.0  # of the length of the motion: how long a rest at an end may last
-_SMALL = 0.05  # of what a channel spans in the log: a larger change is no noise
-_NOISE = 12.0  # standard deviations, known to a tenth, that a noise spans at most
+_FREE, _HELD = 0.1, 1.0  # of the length of the motion: longest standstill at an end
+_SMALL = 0.05  # of a channel's range in the log: a larger change is not noise
+_NOISE = 12.0  # standard deviations: largest range of noise (the deviation is known within a tenth)
 
 
 def cut_standstill(
     recordings: Sequence[Recording], findings: Sequence[Finding]
 ) -> tuple[list[Recording], list[Finding]]:
-    """The recordings without idle ends, and without those that are idle throughout; what was left out joins `findings`.
+    """Recordings without standstill at the ends, and without idle recordings; parts left out are added to `findings`.
 
-    Where all are idle they are returned as they are.
+    If all are idle, they are returned unchanged.
     """
     spans = {name: _span([getattr(one, name) for one in recordings]) for name in ("command", "output")}
     rests = [_rest(one, spans) for one in recordings]
@@ -56,7 +56,7 @@ def _span(channels: Sequence[Array]) -> float:
 
 
 def _rest(recording: Recording, spans: dict[str, float]) -> tuple[int, int]:
-    """How many samples rest at the start, and at the end."""
+    """Number of samples at standstill at the start, and at the end."""
     channels = [(getattr(recording, name), span) for name, span in spans.items()]
     gain = recording.servo_gain
     start = min(_still(values, span) for values, span in channels)
@@ -67,7 +67,7 @@ def _rest(recording: Recording, spans: dict[str, float]) -> tuple[int, int]:
 
 
 def _still(values: Array, span: float) -> int:
-    """How many of the first values (T,) differ by their resolution and noise only; both show in the rest itself."""
+    """Number of first values (T,) that differ only by resolution and noise; the noise is from the first samples."""
     first = values[:MIN_SAMPLES]
     noise = float(np.std(np.diff(first))) / np.sqrt(2.0) if len(first) > 2 else 0.0
     least = min(max(1.5 * quantum(values), _NOISE * noise), _SMALL * span)
@@ -76,12 +76,12 @@ def _still(values: Array, span: float) -> int:
 
 
 def _held(recording: Recording, rest: slice, span: float) -> bool:
-    """Whether a torque or a position loop acts on the load while it rests."""
+    """Whether a torque or a position loop acts on the load at standstill."""
     return bool(np.any(recording.servo_gain[rest]) or abs(recording.command[rest].mean()) > _SMALL * span)
 
 
 def _cut(recording: Recording, before: int, after: int, span: float) -> tuple[Recording, str]:
-    """The recording with a bit of rest at either end, and a sentence where that is less than it had."""
+    """The recording with a short standstill at either end, and a sentence if it was shortened."""
     time, count = recording.time, len(recording)
     least = max(MIN_DURATION, MIN_SAMPLES * float(np.median(np.diff(time))))
     moving = float(time[count - 1 - after] - time[before]) if before + after < count else 0.0
@@ -94,7 +94,7 @@ def _cut(recording: Recording, before: int, after: int, span: float) -> tuple[Re
     if after:
         end = time[count - 1 - after] + kept(slice(count - after, count))
         last = int(np.searchsorted(time, end, side="right"))
-    first = first if time[first] - time[0] > least else 0  # less would be no recording, and is not worth a word
+    first = first if time[first] - time[0] > least else 0  # a shorter cut is not made
     last = last if time[-1] - time[last - 1] > least else count
     if (first, last) == (0, count):
         return recording, ""

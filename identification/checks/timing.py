@@ -1,4 +1,4 @@
-"""Checks of a recording's time: its order, its gaps, its unevenness, its ends.
+"""Checks of a recording's time: its order, its gaps, its jitter, its ends.
 
 Each takes a `Recording` and returns it, repaired or not, with its findings, as the checks of the channels do.
 """
@@ -19,11 +19,11 @@ from plant.number import HUGE
 MIN_SAMPLES, MIN_DURATION = 50, 0.2
 GAP = 5.0  # median sample times
 SPLIT_GAP = 1.0  # [s] too long to bridge with a held command
-DRIFT, DRIFT_BLOCKS = 2e-3, 12  # share of the sample time, over the log; blocks of time that must show it
+DRIFT, DRIFT_BLOCKS = 2e-3, 12  # relative change of the sample time over the log; number of blocks of time
 
 
 def check_time(recording: Recording) -> Checked:
-    """Time must be finite and rise; a few repeated samples are left out."""
+    """Time must be finite and increase; a few samples with a repeated time are left out."""
     time = recording.time
     bad = np.flatnonzero(~np.isfinite(time))
     if len(bad):
@@ -64,7 +64,7 @@ def check_time(recording: Recording) -> Checked:
 
 
 def _as_before(recording: Recording) -> NDArray[np.bool_]:
-    """(T,) whether a row holds in each channel what the row before holds."""
+    """(T,) whether a row has the same value in each channel as the row before."""
     same = np.ones(len(recording), dtype=bool)
     for values in (recording.command, recording.output, *recording.others.values()):
         gone = np.isnan(values)
@@ -73,10 +73,10 @@ def _as_before(recording: Recording) -> NDArray[np.bool_]:
 
 
 def _spread(time: Array) -> tuple[Array | None, float]:
-    """Times (T,) of samples that share their stamps, evenly between these, and the step of the stamps.
+    """Times (T,) of samples that share a time stamp, spread evenly between the stamps, and the step of the stamps.
 
-    One even clock is taken where all stamps are its times without their last digits. None where the numbers of
-    samples that share a stamp are in no proportion to the time until the next.
+    If all stamps are the truncated times of one even clock, that clock is used. None if the number of samples with a
+    stamp is not proportional to the time until the next stamp.
     """
     first = np.flatnonzero(np.diff(time, prepend=-np.inf))
     counts = np.diff(first, append=len(time))
@@ -98,7 +98,7 @@ def _spread(time: Array) -> tuple[Array | None, float]:
 
 
 def trim(recording: Recording) -> Checked:
-    """Samples before both channels have begun, and after one has ended, are left out."""
+    """Leave out the samples before both channels begin, and after one of them ends."""
     command = np.isfinite(recording.command) & np.isfinite(recording.servo_gain)
     output = np.isfinite(recording.output)
     both = np.flatnonzero(command & output)
@@ -116,7 +116,7 @@ def trim(recording: Recording) -> Checked:
 
 
 def split_at_gaps(recording: Recording) -> tuple[list[Recording], list[Finding]]:
-    """A gap of more than a second ends an experiment: the command in it is unknown."""
+    """Split the recording at gaps of more than a second: the command in a gap is unknown."""
     steps = np.diff(recording.time)
     if len(steps) == 0:
         return [recording], []
@@ -135,7 +135,7 @@ def split_at_gaps(recording: Recording) -> tuple[list[Recording], list[Finding]]
 
 
 def too_short(recording: Recording) -> Finding | None:
-    """A recording from which nothing can be learned is left out."""
+    """Finding on a recording that is too short, else None."""
     duration = float(recording.time[-1] - recording.time[0]) if len(recording) else 0.0
     if len(recording) >= MIN_SAMPLES and duration >= MIN_DURATION:
         return None
@@ -148,7 +148,7 @@ def too_short(recording: Recording) -> Finding | None:
 
 
 def mask_gaps(recording: Recording) -> Checked:
-    """The command inside a gap is unknown: as long again as the gap is masked after it."""
+    """The command inside a gap is unknown: an equal time after the gap is masked."""
     steps = np.diff(recording.time)
     gaps = np.flatnonzero(steps > GAP * np.median(steps))
     if len(gaps) == 0:
@@ -165,7 +165,7 @@ def mask_gaps(recording: Recording) -> Checked:
 
 
 def clock(recording: Recording) -> Iterable[Finding]:
-    """An irregular sampling is kept as it is: the true times are used. Its cause is reported, if it shows."""
+    """Report rounded times, jitter and a drifting clock; the times are used as they are."""
     steps = np.diff(recording.time)
     even = steps <= GAP * np.median(steps)
     usual = steps[even]
@@ -192,7 +192,7 @@ def clock(recording: Recording) -> Iterable[Finding]:
 
 
 def _rounding(steps: Array) -> float:
-    """The last digit of times whose steps are two neighbouring multiples of it, and nothing else; else 0."""
+    """The last digit of times if all their steps are two neighbouring multiples of it; else 0."""
     digit = 10.0 ** np.floor(np.log10(np.ptp(steps) * 1.001)) if np.ptp(steps) > 0 else 0.0
     if digit == 0 or digit < 1e-9 or abs(np.ptp(steps) / digit - 1) > 1e-3:
         return 0.0
@@ -205,7 +205,7 @@ def _rounding(steps: Array) -> float:
 
 
 def _drift(elapsed: Array, steps: Array, even: NDArray[np.bool_]) -> tuple[float, float]:
-    """Sample time at both ends of a straight line through block means, equal if that line is not what they show."""
+    """Sample time at both ends of a straight line through block means; equal if the means do not follow a line."""
     blocks = [k for k in np.array_split(np.arange(len(steps)), DRIFT_BLOCKS) if even[k].any()]
     means = np.array([steps[k][even[k]].mean() for k in blocks])
     level = float(means.mean())

@@ -1,4 +1,4 @@
-"""Known public data sets, read from the user's own folder: nothing of them is shipped."""
+"""Known public data sets, read from a folder of the user; their files are not part of this package."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def load_dataset(name: str, data: Path | str | Sequence[Path | str], *, joint: i
 
     Args:
         name: emps, kscale, bam, ur10e or hsm150.
-        data: the folder that holds its files, or the files.
-        joint: which joint of a robot; only for ur10e.
+        data: the folder with its files, or the files.
+        joint: joint of a robot; only for ur10e.
 
     Raises:
-        BadParameter: unknown name, missing folder, or a joint where there is none to choose.
-        MalformedLog: a file is missing or is not what the data set's description says.
+        BadParameter: unknown name, missing folder, or a joint for a data set with one axis.
+        MalformedLog: a file is missing or does not match the description of the data set.
     """
     if name not in _READERS:
         raise BadParameter(f"There is no data set {name!r}; known are {', '.join(_READERS)}.")
@@ -44,7 +44,7 @@ def load_dataset(name: str, data: Path | str | Sequence[Path | str], *, joint: i
         return read(files, joint=joint) if name == "ur10e" else read(files)
     except AntidriveError:
         raise
-    except (OSError, LookupError, TypeError, ValueError) as error:  # arrays of the right names but other shapes
+    except (OSError, LookupError, TypeError, ValueError) as error:  # arrays with the right names but other shapes
         raise MalformedLog(
             f"{files[0].name}: the arrays are not what the description of {name} says ({error}), fetch the files again."
         ) from error

@@ -1,8 +1,8 @@
-"""BAM raw logs: a Dynamixel XL330 position servo that swings a mass.
+"""BAM raw logs: a Dynamixel XL330 position servo that moves a pendulum.
 
-Duclusaud et al.: Extended Friction Models for the Physics Simulation of Servo Actuators. ICRA 2025. One JSON file a
+Duclusaud et al.: Extended Friction Models for the Physics Simulation of Servo Actuators. ICRA 2025. One JSON file per
 run; the firmware's law is duty = kp * 4096 / (2 pi) / (256 * 885) * (goal - angle). The register `load` holds the pulse
-width in 1/885, and shows that law within 1 %.
+width in 1/885, and agrees with that law within 1 %.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _NOTES = (
 
 
 def read(files: list[Path]) -> Dataset:
-    """Read all runs; those at the highest gain are held out, or every fourth where all have one gain."""
+    """Read all runs; those at the highest gain are held out, or every fourth if all have the same gain."""
     if len(files) < 2:
         raise MalformedLog("BAM's logs are one file a run; give at least two, one of them is held out.")
     contents = [_content(file) for file in files]

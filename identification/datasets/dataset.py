@@ -1,4 +1,4 @@
-"""A data set with its split, stated in advance."""
+"""A data set with its predefined split into estimation and holdout data."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from plant.servo import ServoModel
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
-    """What is fitted, what is held out, and where a diagnosis starts.
+    """Estimation data, holdout data, and the base model of a diagnosis.
 
     Attributes:
-        estimation, holdout: the two parts; `holdout` is None where the data set states no split.
+        estimation, holdout: the two parts; `holdout` is None if the data set has no split.
         base: the model to start from.
         fixed: names of the base's parameters that this machine does not have.
-        notes: where it is published, what is peculiar, and published figures to compare with.
+        notes: publication, peculiarities, and published figures for comparison.
     """
 
     estimation: Log
@@ -37,7 +37,7 @@ class Dataset:
 
 
 def files_in(data: Path | str | Sequence[Path | str], pattern: str) -> list[Path]:
-    """The files of a folder that match a pattern, or the files themselves, in the order of their names."""
+    """The files of a folder that match a pattern, or the given files, in the order of their names."""
     if isinstance(data, str | Path):
         folder = Path(data)
         if not folder.exists():
@@ -69,7 +69,7 @@ def arrays_of(file: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         return {name: np.asarray(content[name]) for name in names}
     except MalformedLog:
         raise
-    except Exception as error:  # the two parsers raise whatever a broken file leads them to
+    except Exception as error:  # a broken file may raise any exception of the parsers
         raise MalformedLog(
             f"{file.name} cannot be read as a {file.suffix} file ({type(error).__name__}), fetch it again."
         ) from None
@@ -88,7 +88,7 @@ def recording(
     axis: str = "rotary",
     **others: Array,
 ) -> Recording:
-    """One experiment in SI units, ready for the checks that every log passes."""
+    """One experiment in SI units, ready for the checks of every log."""
     clock = np.asarray(time, dtype=float)
     shapes = {clock.shape, np.shape(command), np.shape(output), *(np.shape(values) for values in others.values())}
     if len(shapes) > 1 or clock.ndim != 1:

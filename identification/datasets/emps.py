@@ -1,7 +1,7 @@
 """EMPS, the electro-mechanical positioning system: a cart on a ball screw under position control.
 
 Janot, Gautier, Brunot: Data Set and Reference Models of EMPS. Workshop on Nonlinear System Identification Benchmarks,
-Eindhoven, 2019. Two files of 24.8 s at 1 kHz; the second one has force pulses on top, already in its drive voltage.
+Eindhoven, 2019. Two files of 24.8 s at 1 kHz; the second has additional force pulses, included in its drive voltage.
 """
 
 from __future__ import annotations

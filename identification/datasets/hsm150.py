@@ -1,4 +1,4 @@
-"""HSM150: two servo motors on one shaft; one torque step a file.
+"""HSM150: two servo motors on one shaft; one torque step per file.
 
 Malik, HSM150 identification data. 20 s at 1 kHz; the catalogue gives J = 1.2e-4 kg m^2 and B = 7.03e-5 N m s/rad.
 """

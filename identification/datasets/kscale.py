@@ -1,9 +1,9 @@
-"""K-Scale servo bench: Feetech STS3215 position servos (12 V) that swing a known mass on an arm.
+"""K-Scale servo bench: Feetech STS3215 position servos (12 V) that move a known mass on an arm.
 
 K-Scale Labs, sysid repository, 2025: masses of 0.5 to 1.2 kg at 100 or 150 mm, six firmware gains, five trajectories,
-repeated. The firmware's law was measured by its authors: duty = kp * 0.16489 / rad * (goal - angle). The goal in it is
-not the one that was sent: the firmware moves its own towards that at no more than about 5 rad/s, whatever the gain
-(`goal_rate_limit`; the data show it as one ramp at all gains, the published law does not have it).
+repeated. The authors measured the firmware's law: duty = kp * 0.16489 / rad * (goal - angle). Its goal is not the
+commanded set-point: the firmware limits the rate of its goal to about 5 rad/s at any gain (`goal_rate_limit`; the data
+show the same ramp at all gains, the published law does not include it).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def read(files: list[Path], *, select: Mapping[str, float] | None = None) -> Dat
 
     Args:
         files: NPZ files.
-        select: "mass" [kg], "length" [m] and "kp" to take; by default the mass and length with the most runs
-            (the lightest and shortest among equals), all gains.
+        select: "mass" [kg], "length" [m] and "kp" of the runs; by default the mass and length with the most runs
+            (among equals the lightest mass, then the shortest arm), all gains.
     """
     estimation: list[Recording] = []
     held_out: list[Recording] = []

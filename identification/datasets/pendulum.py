@@ -1,4 +1,4 @@
-"""Position servos that swing a pendulum: a goal in, an angle out, the firmware's law between them."""
+"""Position servos that move a pendulum: set-point as input, angle as output, the firmware's control law in between."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def pendulum_run(
 ) -> Recording:
     """One run of a position servo: motor voltage = volts * clip(duty_per_rad * (setpoint - angle), -1, 1), if enabled.
 
-    Samples in which the bus dropped out (no supply voltage read, or far more than the run's) are masked. The run ends
-    where the drive is switched off: the motor's back-EMF then brakes no more, and one viscous friction cannot be both.
+    Samples with a bus drop-out (supply voltage below 0.5 or above 1.5 times the median of the run) are masked. The run
+    ends where the drive is switched off: without the braking by back-EMF the viscous friction would be another one.
     """
     supply = float(np.median(volts[volts > 1.0])) if np.any(volts > 1.0) else 1.0
     gain = np.where(enabled, duty_per_rad * supply, 0.0)

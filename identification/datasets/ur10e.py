@@ -1,7 +1,7 @@
-"""UR10e: one joint of a robot arm sweeps while the others rest.
+"""UR10e: one joint of a robot arm sweeps while the others are at rest.
 
-Mamedov, Mikhel: Practical Aspects of Model-Based Collision Detection. Frontiers in Robotics and AI, 2020. One file a
-joint, about 100 Hz with irregular steps; the motor current stands for the torque.
+Mamedov, Mikhel: Practical Aspects of Model-Based Collision Detection. Frontiers in Robotics and AI, 2020. One file per
+joint, about 100 Hz with irregular steps; the motor current is used instead of the torque.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from plant.servo import ServoModel
 
 _SHARE = 0.5  # of the sweep that is fitted
 _BRAKING = 0.2  # [s]
-# What takes a joint's reading to the angle of the swinging part above the horizon, the other joints being where they
-# rest in these sweeps: eq. (4) has gravity alpha cos x. The first joint's axis is vertical, its zero does not matter.
+# Offset from a joint's measurement to the angle of the moving part above the horizon, with the other joints in their
+# rest positions of these sweeps: eq. (4) has gravity alpha cos x. The axis of the first joint is vertical: no offset.
 _ABOVE_HORIZON = {2: np.pi, 3: 0.5 * np.pi}
 
 
 def read(files: list[Path], *, joint: int | None = None) -> Dataset:
     """Read the sweep of one joint (1, 2, 3); its second half is held out.
 
-    The current `i` is what was measured; `tau_des` is the robot's own model of the torque, so a fit to it would find
-    the maker's model and not the machine.
+    The current `i` was measured; `tau_des` is computed by the robot's torque model, so a fit to it would identify the
+    manufacturer's model and not the machine.
     """
     joints = {int(found.group(1)): file for file in files if (found := re.search(r"joint_(\d)\.npz$", file.name))}
     if not joints:
@@ -64,7 +64,7 @@ def read(files: list[Path], *, joint: int | None = None) -> Dataset:
 
 
 def _end_of_sweep(run: Run) -> int:
-    """The sample shortly before the robot brakes from full speed and rests, which is no part of the sweep."""
+    """Index of a sample shortly before the robot brakes to rest from full speed; the rest is not part of the sweep."""
     speed = np.abs(np.gradient(run.output, run.time))
     braked = run.time[np.flatnonzero(speed > 0.5 * np.quantile(speed, 0.99))[-1]]
     return int(np.searchsorted(run.time, braked - _BRAKING))

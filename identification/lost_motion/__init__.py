@@ -1,4 +1,4 @@
-"""Lost motion of two opposed drives: gap, stiffness and friction that grows with load, from sweeps of their preload."""
+"""Lost motion of two opposed drives: backlash, stiffness and load-dependent friction, from sweeps of the preload."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Samples in which two opposed drives press their flanks and slide on them, so that friction has a known sense.
+"""Samples in which two opposed drives are in contact and slide, so that friction has a known direction.
 
-While the preload is swept through both senses each drive visits one flank, then the other. What it passes is its torque
-less friction, whose sense is that of the rotor's motion; this is measured at the motor, whose encoder is finer than the
-load's by the gear ratio. Samples in which a rotor may stand are left out.
+While the preload is swept through both signs, each drive visits one flank, then the other. It transmits its torque less
+friction. The direction of friction is that of the rotor's motion; this is measured at the motor, because its encoder is
+finer than the load's by the gear ratio. Samples in which a rotor may stand still are left out.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from plant.drive_train import DriveTrain
 
 Array = NDArray[np.float64]
 
-_SETTLED = 0.25  # share of a visit after which the teeth no longer bounce
-_COUNTS = 3.0  # by which a rotor must move, before and after a sample, to be surely in motion
+_SETTLED = 0.25  # share of a visit after which the contact no longer bounces
+_COUNTS = 3.0  # encoder counts by which a rotor must move before and after a sample to count as moving
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlankSamples:
-    """N samples on known flanks; all torques and angles are seen from the load.
+    """N samples on known flanks; all torques and angles are referred to the load.
 
     Attributes:
-        visit: (N,) number of the visit that a sample belongs to.
-        flank: (N, 2) which flank each drive presses, +1 or -1: the sign of its torque.
-        loading: (N, 2) whether friction takes from what each drive passes; else it adds.
+        visit: (N,) number of the sample's visit of a flank.
+        flank: (N, 2) flank on which each drive is in contact, +1 or -1: the sign of its torque.
+        loading: (N, 2) whether friction lowers the magnitude of the transmitted torque; otherwise it raises it.
         torque: (N, 2) of each drive [N m].
         rotors: (N, 2) angle of each rotor [rad].
-        reading: (N,) of the load's encoder [rad].
+        reading: (N,) angle measured by the load's encoder [rad].
     """
 
     visit: NDArray[np.int64]
@@ -46,7 +46,7 @@ class FlankSamples:
 
 
 def flank_samples(run: Run, gears: DriveTrain) -> FlankSamples:
-    """The samples of a run that tell of lost motion; perhaps none.
+    """The samples of a run that can be used for lost motion; possibly none.
 
     Raises `MalformedLog` when the run has no pinion torques or no motor angles.
     """
@@ -70,7 +70,7 @@ def flank_samples(run: Run, gears: DriveTrain) -> FlankSamples:
 
 
 def _visits(sense: Array) -> NDArray[np.int64]:
-    """(T,) number of the visit, -1 outside and while it settles; short stretches are the bounces of a reversal."""
+    """(T,) number of the visit, -1 outside and during settling; short stretches are bounces at a reversal."""
     edges = np.concatenate(([0], np.flatnonzero(np.diff(sense)) + 1, [sense.size]))
     stretches = [(first, last) for first, last in pairwise(edges) if sense[first] != 0.0]
     longest = max((last - first for first, last in stretches), default=0)
@@ -82,7 +82,7 @@ def _visits(sense: Array) -> NDArray[np.int64]:
 
 
 def _motion(rotor: Array) -> Array:
-    """(T,) sense in which a rotor (T,) surely moves, before and after a sample; 0 where it may stand."""
+    """(T,) direction in which a rotor (T,) clearly moves before and after a sample; 0 where it may stand still."""
     found = np.zeros(rotor.size)
     shake = 2.0 * float(np.median(np.abs(np.diff(rotor, 2)))) if rotor.size > 2 else 0.0
     resolution = max(quantum(rotor), shake)

@@ -1,7 +1,8 @@
-"""The likelihood of a sweep of the preload, and where it is greatest.
+"""The likelihood of a sweep of the preload, and its maximum.
 
-Unknown are ten numbers, five a drive: offset, intercept and slope of loading, intercept and slope of unloading, all of
-the twist over the drive's torque (see `identification.lost_motion.sweep`); and the noise of the load's encoder.
+The unknowns are ten numbers, five per drive: offset, intercepts of loading and unloading, slopes of loading and
+unloading, all of the twist over the drive's torque (see `identification.lost_motion.sweep`); and the noise of the
+load's encoder.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from identification.lost_motion.quantised_likelihood import quantised_likelihood
 
 Array = NDArray[np.float64]
 
-_FINE = 0.01  # counts finer than this share of the noise round nothing
-_NOTHING = 1e-12  # information that is none, where the Gaussian guess has 1
+_FINE = 0.01  # of the noise: a finer count has no effect by rounding
+_NOTHING = 1e-12  # least information; the Gaussian approximation has 1
 _FADED = 0.05  # correlation below which residuals count as independent
 
 
@@ -28,8 +29,8 @@ class SweepEstimate:
 
     Attributes:
         numbers: (10,).
-        covariance: (10, 10); enormous where the samples tell nothing.
-        noise: of the load's encoder before it counts, standard deviation [rad].
+        covariance: (10, 10); extremely large for numbers that the samples do not determine.
+        noise: of the load's angle before quantisation, standard deviation [rad].
     """
 
     numbers: Array
@@ -57,22 +58,23 @@ def most_likely(samples: FlankSamples) -> SweepEstimate:
 
 
 class _Sweep:
-    """Minus the log-likelihood, in unknowns (10,) of which a Gaussian guess has unit covariance, and one for the noise.
+    """Minus the log-likelihood in unknowns (10,), scaled to unit covariance in a Gaussian approximation, and noise.
 
-    The difference of the rotors is Gaussian; its residuals are the rounding of the motors' encoders, alike from sample
-    to sample and from visit to visit, so that they weigh as the few independent ones that they are. The rotors' middle,
-    less half the twists, is the load's angle, of which the reading is a rounded one.
+    The difference of the rotor angles is Gaussian. Its residuals are rounding of the motors' encoders and are
+    correlated from sample to sample and from visit to visit; so they have the weight of fewer, independent samples. The
+    mean of the rotor angles, less half the sum of the twists, is the load's angle; the measurement is that angle
+    rounded.
     """
 
     def __init__(self, samples: FlankSamples) -> None:
-        """Scale the problem by its Gaussian approximation."""
+        """Scale the problem with its Gaussian approximation."""
         first, second = (_columns(samples, drive) for drive in (0, 1))
         self._apart, self._of_apart = samples.rotors[:, 0] - samples.rotors[:, 1], np.hstack((first, -second))
         self._middle, self._of_middle = samples.rotors.mean(axis=1), 0.5 * np.hstack((first, second))
         self._reading = samples.reading
         left = _left(self._of_apart, self._apart)
         self._alike = _alike(left, samples.visit)
-        repeated = max(np.unique(samples.visit).size / 2.0, 1.0)  # visits of a flank may repeat each other's rounding
+        repeated = max(np.unique(samples.visit).size / 2.0, 1.0)  # the visits of a flank may have the same rounding
         spread = float(np.std(left)) * np.sqrt(self._alike * repeated)
         off = self._middle - self._reading
         self._least_noise = 0.5 * float(np.std(left))  # the motors' share
@@ -92,7 +94,7 @@ class _Sweep:
         return noise, by, (self._scale / noise) ** 2 - 2.0 * by**2
 
     def alike(self, noise: float) -> float:
-        """How many readings of the load tell as much as one: the motors' share in their noise is alike for a while."""
+        """Number of load measurements per independent one: the motors' share of their noise is correlated."""
         return 1.0 + (self._least_noise / noise) ** 2 * (self._alike - 1.0)
 
     def value_and_slope(self, unknowns: Array) -> tuple[float, Array]:
@@ -119,7 +121,7 @@ class _Sweep:
 
 
 def _columns(samples: FlankSamples, drive: int) -> Array:
-    """(N, 5) what a drive's numbers are multiplied by in its twist."""
+    """(N, 5) regressors of a drive's five numbers for its twist."""
     flank, torque = samples.flank[:, drive], samples.torque[:, drive]
     loading = samples.loading[:, drive].astype(np.float64)
     back = 1.0 - loading
@@ -131,7 +133,7 @@ def _left(columns: Array, values: Array) -> Array:
 
 
 def _alike(residuals: Array, visit: NDArray[np.int64]) -> float:
-    """How many samples of these residuals (N,) tell as much as one: 1 + 2 (sum of correlations) within visits."""
+    """Number of samples of these residuals (N,) per independent one: 1 + 2 (sum of correlations) within visits."""
     groups = [residuals[visit == number] for number in np.unique(visit)]
     power, alike = float(residuals @ residuals), 1.0
     for lag in range(1, min(map(len, groups))):

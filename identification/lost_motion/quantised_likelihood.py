@@ -1,12 +1,13 @@
-"""Readings that an encoder rounded: how likely each is, and how that changes with what was expected and with the noise.
+"""Likelihood of measurements that an encoder rounded, with derivatives by the expected angle and by the noise.
 
-An encoder shows the nearest count of the angle with its noise on top, so that a reading y of counts c tells
+An encoder shows the angle plus noise, rounded to the nearest count. A measurement y with counts c has the likelihood
 
     P(y) = Phi(u) - Phi(v),   u = (y + c/2 - m) / sigma,   v = (y - c/2 - m) / sigma
 
-of an expected angle m under noise of standard deviation sigma (the likelihood of grouped observations, Sheppard 1898,
-Stewart 1983). With noise below a count this tells far more than the reading taken as m plus c/sqrt(12) of noise: where
-the count changes the angle is known; and where noise spreads over counts, their shares say where between them it is.
+for an expected angle m and noise of standard deviation sigma (grouped observations, Sheppard 1898, Stewart 1983). If
+the noise is below a count, this uses far more information than a model with additive noise of c/sqrt(12): where the
+count changes, the angle is known; and where the measurement alternates between counts, their frequencies give the
+angle.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class QuantisedLikelihood:
-    """Log-likelihood of each of N readings with its derivatives by (m, log sigma).
+    """Log-likelihood of each of N measurements with its derivatives by (m, log sigma).
 
     Attributes:
         value: (N,).
@@ -36,7 +37,7 @@ class QuantisedLikelihood:
 
 
 def quantised_likelihood(reading: Array, expected: Array, *, count: float, noise: float) -> QuantisedLikelihood:
-    """Log-likelihood of readings (N,), rounded to a count, of angles expected (N,), with noise before; all in [rad]."""
+    """Log-likelihood of measurements (N,) rounded to a count, for expected angles (N,) plus noise; all in [rad]."""
     upper = (reading + 0.5 * count - expected) / noise
     lower = (reading - 0.5 * count - expected) / noise
     mirrored = lower > 0.0  # differences of Phi keep their digits in the lower tail only

@@ -1,17 +1,17 @@
 """Lost motion of two opposed drives, from sweeps of their preload at standstill.
 
-With the preload swept through both senses each drive lies now on one flank, now on the other, and the load stays where
-it is. On the flank s = +-1 of drive i its twist, rotor less load as seen from the load, is
+While the preload is swept through both signs, each drive changes from one flank to the other, and the load nearly
+stands still. On the flank s = +-1 of drive i its twist, rotor less load as seen from the load, is
 
-    q_i - x = c_i + s gap_i/2 + T_i/k_i,    T_i = D_i -+ (f_i + mu_i |T_i|)
+    q_i - x = c_i + s gap_i/2 + T_i/k_i,    T_i = D_i -+ s (f_i + mu_i |T_i|)
 
-with D_i the torque of the drive, T_i what its teeth pass, k_i their stiffness, f_i and mu_i friction that is constant
-and that grows with the load (- while |T_i| grows, + while it falls). Solved for T_i the twist is linear in five numbers
-a drive: c_i, an intercept and a slope of loading, an intercept and a slope of unloading.
+with D_i the torque of the drive, T_i the torque that its contact transmits, k_i the contact stiffness, f_i constant
+friction and mu_i the coefficient of load-dependent friction (- while |T_i| grows, + while it falls). Solved for T_i the
+twist is linear in five numbers per drive: c_i, the intercepts of loading and unloading, the slopes of both.
 
-The motors' encoders are finer than the load's by the gear ratio. Their difference, which the load's angle is not in,
-gives the sum of both gaps; only how it divides between the drives is left to the load's encoder. Its readings enter
-with the likelihood of rounded readings. Everything is found at once by maximum likelihood.
+The motors' encoders are finer than the load's by the gear ratio. Their difference does not depend on the load's angle
+and gives the sum of both backlashes; only its division between the drives needs the load's encoder. The measurements of
+that encoder have the likelihood of rounded values. All numbers are estimated at once by maximum likelihood.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LEAST = 50  # samples on each flank
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A value and its standard error, which is enormous where the log does not tell."""
+    """A value and its standard error, extremely large if the log does not determine the value."""
 
     value: float
     std: float
@@ -43,13 +43,13 @@ class Measured:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveLostMotion:
-    """Of one drive, seen from the load.
+    """Lost motion of one drive, referred to the load.
 
     Attributes:
-        gap: free play from flank to flank [rad].
-        stiffness: of the teeth [N m/rad].
-        friction: of the motor and its gears that does not depend on load, as felt at the speed of the sweep [N m].
-        friction_coefficient: friction per torque that the teeth pass [-].
+        gap: backlash from flank to flank [rad].
+        stiffness: of the contact [N m/rad].
+        friction: load-independent friction of the motor and its gears at the speed of the sweep [N m].
+        friction_coefficient: friction per transmitted torque [-].
     """
 
     gap: Measured
@@ -60,13 +60,13 @@ class DriveLostMotion:
 
 @dataclass(frozen=True, kw_only=True)
 class LostMotion:
-    """What sweeps of the preload tell.
+    """Result of sweeps of the preload.
 
     Attributes:
         drives: of each drive.
-        total_gap: sum of both gaps [rad], which the motors' encoders alone tell.
-        encoder_noise: of the load's angle before it was counted, standard deviation [rad].
-        samples, visits: how many were used.
+        total_gap: sum of both backlashes [rad], from the motors' encoders.
+        encoder_noise: of the load's angle before quantisation, standard deviation [rad].
+        samples, visits: numbers that were used.
     """
 
     drives: tuple[DriveLostMotion, DriveLostMotion]
@@ -76,23 +76,24 @@ class LostMotion:
     visits: int
 
     def __str__(self) -> str:
-        """Gaps with their standard errors."""
+        """The backlashes with their standard errors."""
         gaps = ", ".join(f"{1e3 * d.gap.value:.5g} +- {1e3 * d.gap.std:.2g} mrad" for d in self.drives)
         return f"gaps {gaps}; together {1e3 * self.total_gap.value:.5g} +- {1e3 * self.total_gap.std:.2g} mrad"
 
 
 def lost_motion(log: Log, gears: DriveTrain) -> LostMotion:
-    """Gap, stiffness and friction of both drives, from a log in which the preload is swept while the load stands.
+    """Backlash, stiffness and friction of both drives, from a log in which the preload is swept at standstill.
 
     The log has `torque_1`, `torque_2`, `angle`, `angle_1` and `angle_2`; its longest run is used. Each flank should be
-    visited several times, with the preload slowly up and down again, and stay under some preload until it reverses.
-    Resolutions and noise are taken from the readings; a motor's, seen from the load, must be small beside the gap. The
-    gap does not depend on the torques' scale; the rest does. Where the load's encoder has less noise than a third of a
-    count the load must creep over a few counts meanwhile, slower than the sweep winds the teeth up.
+    visited several times; in each visit the preload rises and falls slowly, and does not reach zero before it reverses.
+    Resolution and noise of the encoders are estimated from the measurements; those of a motor, referred to the load,
+    must be small compared with the backlash. The backlash does not depend on the scale of the torques; the rest does.
+    If the noise of the load's encoder is below a third of a count, the load must move slowly over a few counts during
+    the sweep, more slowly than the contact deflection changes.
 
     Raises:
         MalformedLog: a channel is missing.
-        Unidentifiable: there are too few samples on one of the flanks, or the load's reading never changes.
+        Unidentifiable: there are too few samples on one of the flanks, or the load's measurement never changes.
     """
     samples = flank_samples(max(log.runs, key=len), gears)
     _need_both_flanks(samples)
@@ -131,7 +132,7 @@ def _drive(lines: list[Measured]) -> DriveLostMotion:
 
 
 def _physical(numbers: NDArray[Any]) -> NDArray[Any]:
-    """(9,) gap, k, f, mu of each drive and the sum of the gaps, from the (10,) numbers of `sweep_likelihood`.
+    """(9,) gap, k, f, mu of each drive and the sum of the gaps, from the (10,) numbers of `SweepEstimate`.
 
     With L = 1 loading and -1 unloading, intercept = gap/2 - L f slope and slope = 1/(k (1 + L mu)).
     """

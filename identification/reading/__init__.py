@@ -1,1 +1,1 @@
-"""From a file, a DataFrame or arrays to recordings with the names, units and clocks of the log contract."""
+"""Read a file, a DataFrame or arrays into recordings with the names, units and clocks of the log contract."""

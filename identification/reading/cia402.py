@@ -1,7 +1,7 @@
 """Objects of CiA 402 (IEC 61800-7-201), the drive profile of CANopen and EtherCAT, among the columns of a log.
 
 Their values are in units of the drive: positions in its increments, torques in per mille of the motor's rated torque
-(6076h). How large these are does not stand in the log, so it has to be said; nothing is taken for SI.
+(6076h). The log does not have the size of these units, so the user must give it; SI is never assumed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from identification.errors import MalformedLog
 class DriveObject:
     """One object: its index, its name in the profile, the contract column on a rotary and on a linear axis.
 
-    worth: what one step of it is worth, as an example for `--unit`.
+    worth: size of one step of its value, as an example for `--unit`.
+    counted_in: the unit of its value, for messages.
     """
 
     index: str
@@ -27,7 +28,7 @@ class DriveObject:
     counted_in: str
 
     def is_called(self, column: str) -> bool:
-        """Whether a column bears its name or index: "Axis 1.Position actual value", "0x6064", "6064h", "16#6064:00"."""
+        """Whether a column has its name or index: "Axis 1.Position actual value", "0x6064", "6064h", "16#6064:00"."""
         words = re.sub(r"[\W_]+", " ", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", column)).lower().split()
         if " ".join(self.name.split()) in " ".join(words):
             return True
@@ -70,7 +71,7 @@ OBJECTS = (
 )
 
 
-_COMMANDED = "6071"  # of two torques the better one: what was measured is filtered, and noisy
+_COMMANDED = "6071"  # the better one of two torques: a measured torque is filtered and noisy
 
 
 def _index(column: str) -> str:
@@ -79,18 +80,18 @@ def _index(column: str) -> str:
 
 
 def drive_object(column: str) -> DriveObject | None:
-    """The object that a column of a file holds, if it is one."""
+    """The object in a column of a file, None for any other column."""
     return next((known for known in OBJECTS if known.is_called(column)), None)
 
 
 def find_objects(file: str, names: Collection[str], found: Mapping[str, str], *, linear: bool) -> dict[str, str]:
-    """Contract column -> the file's column, for the columns that are not found yet and an object can fill.
+    """Contract column -> the file's column, for contract columns that are missing and that an object has.
 
-    Raises `MalformedLog` where two columns of the file would do.
+    Raises `MalformedLog` if two columns of the file are possible.
     """
     taken = set(found.values())
     new: dict[str, str] = {}
-    if "torque_1" in found or "setpoint" in found:  # a command is known, it need not be guessed
+    if "torque_1" in found or "setpoint" in found:  # the command is known
         found = {**found, "torque": "", "force": ""}
     for name in names:
         known = None if name in taken else drive_object(name)

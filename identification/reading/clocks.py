@@ -1,4 +1,4 @@
-"""Channels that were sampled at times of their own, brought to the clock of the measured output."""
+"""Channels with separate sampling times, resampled to the clock of the measured output."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _DRIVES = ("torque", "torque_1", "torque_2", "force", "current", "voltage", "dut
 def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
     """The columns in `found` (contract column -> the table's) on one clock, and `found` with that clock as its time.
 
-    The clock is that of the output, whose samples thus stay as they were measured; the others are interpolated, but of
-    a command that is sampled faster the means count, which give the load the same impulse.
-    A time that the user mapped, or a column named so, comes before the clock.
+    The clock is that of the output, so that its samples are unchanged. The others are interpolated; but of a command
+    that is sampled faster the means are used, because they have the same impulse. A time that the user mapped, or a
+    column with the name of a time, has priority over the clock.
 
-    Raises `MalformedLog` where the time of a channel does not increase, or a channel holds text.
+    Raises `MalformedLog` if the time of a channel does not increase, or a channel has text.
     """
     output = next((found[column] for column in ("angle", "position", "velocity") if column in found), "")
     clock = table.clocks.get(output)
@@ -51,7 +51,7 @@ def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[st
 
 
 def _labels(table: Table, name: str, time: Array) -> NDArray[np.object_]:
-    """The label of a run counts until the next one."""
+    """Labels of the runs at other times: a label holds until the next one."""
     stamps = np.asarray(table.clocks[name], dtype=np.float64)
     labels = labels_of(table, name)
     order = np.argsort(stamps[np.isfinite(stamps)], kind="stable")
@@ -78,9 +78,9 @@ def _moved(table: Table, name: str, time: Array, drives: bool) -> Array:
 
 
 def _between(time: Array, stamps: Array, values: Array) -> Array:
-    """Means of what drives the load from each time to the next: the same impulse as of its own, faster samples.
+    """Means of a command from each time to the next: the same impulse as its faster samples.
 
-    A sample holds until the next one. Where samples are missing nothing is known: NaN.
+    A sample is held until the next one. Where samples are missing the result is NaN.
     """
     steps = np.diff(stamps)
     usual = float(np.median(steps))
@@ -99,9 +99,9 @@ def _between(time: Array, stamps: Array, values: Array) -> Array:
 
 
 def _at(time: Array, stamps: Array, values: Array) -> Array:
-    """Values at other times: linear between samples, the nearer one beside a jump such as a counter's wrap.
+    """Values at other times: linear between samples, the nearer sample at a jump such as a counter's wrap.
 
-    Beyond the first and last sample, and where samples are missing in between, nothing is known: NaN.
+    Beyond the first and last sample, and where samples are missing between them, the result is NaN.
     """
     linear = np.interp(time, stamps, values, left=np.nan, right=np.nan)
     steps = np.diff(stamps)

@@ -1,8 +1,8 @@
-"""What a column means by its name, and how surely: `pos`, `theta`, `ENC1Position` and `q3` are angles.
+"""The meaning of a column from its name, with a grade of certainty: `pos`, `theta`, `ENC1Position`, `q3` are angles.
 
-Of the words of a heading the last known noun says what was measured; words such as "error" or "max" say that it is
-something else, and "target" or "command" that it was asked for. How surely is one of four grades: its own name, a
-synonym and nothing else, a synonym among other words, or a name that says it was asked for and not measured.
+The last known noun in a heading is the measured quantity. Words such as "error" or "max" exclude the column, words such
+as "target" or "command" make it a requested value. The four grades are: the name in the log contract, a synonym without
+other words, a synonym among other words, or a requested instead of a measured value.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from identification.reading.headings import Heading, heading
 from identification.reading.units import kind_of
 
-OWN, SYNONYM, AMONG_OTHERS, ASKED_FOR = 3, 2, 1, 0  # how surely a name says what a column is
+OWN, SYNONYM, AMONG_OTHERS, ASKED_FOR = 3, 2, 1, 0  # grades of certainty
 
 _TIMES = (
     *("times", "timestamps", "stamps", "ts", "secs", "zeitstempel", "x value", "x axis", "tout"),
     *("millis", "micros", "nanos", "uptime", "ms today", "temps", "tiempo", "tempo"),
 )
-_SPANS = ("dt", "latency", "period", "duration", "interval", "cycle time", "sample time")  # times, but not of a row
+_SPANS = ("dt", "latency", "period", "duration", "interval", "cycle time", "sample time")  # times, but not time stamps
 NOUNS: Mapping[str, tuple[str, ...]] = {
     "time": ("time", "t", "timestamp", "stamp", "seconds", "sec", "elapsed", "clock", "zeit", *_TIMES),
     "torque": ("torque", "effort", "tau", "trq", "tq", "moment", "drehmoment", "couple", "par", "coppia"),
@@ -38,7 +38,7 @@ NOUNS: Mapping[str, tuple[str, ...]] = {
         *("position", "pos", "encoder", "enc", "displacement", "stroke", "travel"),
         *("weg", "posicion", "posizione"),
     ),
-    "setpoint": ("q d", "theta d", "phi d", "action"),  # of LeRobot: what the motors were asked for
+    "setpoint": ("q d", "theta d", "phi d", "action"),  # of LeRobot: the requested motor positions
     "velocity": (
         *("velocity", "vel", "velo", "speed", "omega", "w", "rpm", "dq", "qd", "qdot", "q dot", "dtheta", "d theta"),
         *("theta dot", "thetadot", "erpm", "angular velocity", "drehzahl", "vitesse", "velocidad", "velocita"),
@@ -61,7 +61,7 @@ NOUNS: Mapping[str, tuple[str, ...]] = {
     ),
     "acceleration": ("acceleration", "acc", "accel", "ddq", "qdd", "ddtheta", "jerk"),
 }
-"""Words, or several in a row, that name a quantity. A position may be an angle: its unit, or the command, tells."""
+"""Words, or phrases, that name a quantity. A position may be an angle: its unit, or the command, decides."""
 
 _PHRASES = {tuple(phrase.split()): column for column, phrases in NOUNS.items() for phrase in phrases}
 _LONGEST = max(map(len, _PHRASES))
@@ -75,7 +75,7 @@ _SOMETHING_ELSE = {
     *("fault", "predicted", "filter", "count", "rate"),
 }
 _OTHERS = ("acceleration", "something else")
-_IN_PASSING = {"index", "id", "number", "no", "nr"}  # beside a run
+_IN_PASSING = {"index", "id", "number", "no", "nr"}  # allowed with "run"
 _PLAIN = {
     "actual",
     "act",
@@ -96,7 +96,7 @@ _PLAIN = {
 
 @dataclass(frozen=True, kw_only=True)
 class Meaning:
-    """Contract column that a name may stand for, how surely, and the unit that the heading gives."""
+    """Possible contract column of a name, the grade of certainty, and the unit in the heading."""
 
     column: str
     grade: int
@@ -104,10 +104,10 @@ class Meaning:
 
 
 def meaning(name: str, file_unit: str = "") -> Meaning | None:
-    """What a column of that name in that unit (as the file gives it, if it does) may be; None if nothing is known."""
+    """Possible meaning of a column with that name and the unit in the file, if there is one; None if unknown."""
     read = heading(name)
     noun, phrase = _noun(read.words)
-    of_word = read.unit if read.trailing and len(read.unit) > 1 else ""  # one letter may be anything: phase A
+    of_word = read.unit if read.trailing and len(read.unit) > 1 else ""  # one letter is ambiguous: phase A
     if noun is None and read.trailing:  # the unit was a word after all
         read = Heading(words=(*read.words, read.unit.lower()))
         noun, phrase = _noun(read.words)
@@ -131,31 +131,31 @@ def meaning(name: str, file_unit: str = "") -> Meaning | None:
             return None
         column = "setpoint" if column in ("angle", "position") else column
         grade = SYNONYM if not set(others) - _ASKED - _PLAIN else AMONG_OTHERS
-        grade = grade if column == "setpoint" else ASKED_FOR  # what was measured comes before what was asked for
+        grade = grade if column == "setpoint" else ASKED_FOR  # a measured value has priority
     elif read.words == (noun,):
         grade = OWN
     return Meaning(column=column, grade=grade, unit=unit)
 
 
 def is_time(name: str) -> bool:
-    """Whether a column is called as times are: `time`, `Time (s)`, `%time`, `rel_time`, `Zeit [ms]`."""
+    """Whether a column has the name of a time: `time`, `Time (s)`, `%time`, `rel_time`, `Zeit [ms]`."""
     found = meaning(name)
     return found is not None and found.column == "time" and found.grade >= SYNONYM
 
 
 def time_unit(name: str) -> str:
-    """The unit in the name of a time, "" where it has none."""
+    """The unit in the name of a time, "" without one."""
     return heading(name).unit if is_time(name) else ""
 
 
 def _by_unit(unit: str) -> Meaning | None:
-    """What a column without a telling name may be by its unit alone."""
+    """Possible meaning of a column with an unknown name, from its unit alone."""
     column = _BY_UNIT.get(kind_of(unit) or "") if unit else None
     return Meaning(column=column, grade=AMONG_OTHERS, unit=unit) if column else None
 
 
 def _noun(words: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:
-    """The last known noun of some words, and the words that it consists of; the longest where several end there."""
+    """The last known noun in a list of words, and its words; the longest noun if several end at the same word."""
     for end in range(len(words), 0, -1):
         for length in range(min(_LONGEST, end), 0, -1):
             phrase = words[end - length : end]
@@ -188,7 +188,7 @@ _BY_UNIT = {
 
 
 def _fits(noun: str, unit: str) -> bool:
-    """Whether a unit may belong to a quantity: it is none, has no size (counts, percent), or is of that kind."""
+    """Whether a unit is possible for a quantity: it is empty, has no size (counts, percent), or is of that kind."""
     kind = kind_of(unit) if unit else None
     if noun == "torque" and unit.lower() == "nm":  # of a position, it would be nanometres
         return True

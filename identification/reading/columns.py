@@ -1,4 +1,4 @@
-"""From a table's columns to the recordings of the log contract: names, units, scales, gears, runs."""
+"""Convert a table's columns to the recordings of the log contract: names, units, scales, gears, runs."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from identification.recording import Array, Recording, Response
 from plant.effects import catalogue
 from plant.errors import BadParameter
 
-_BARE = ("time", "duty", "run")  # in no unit, or in one that the numbers tell
+_BARE = ("time", "duty", "run")  # without a unit, or with one that is recognised from the numbers
 _STATED = ("time", "torque", "torque_1", "torque_2", "force", "current", "voltage", "duty")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorded:
-    """Recordings of one table with what they are measured in.
+    """Recordings of one table, with axis and unit of the command.
 
-    notes: what limits a result, such as an unknown scale; warnings: what was found, skipped or assumed.
+    notes: limitations of a result, such as an unknown scale; warnings: findings, skipped parts and assumptions.
     """
 
     recordings: tuple[Recording, ...]
@@ -48,8 +48,8 @@ class Recorded:
 def read_recordings(table: Table, reading: Reading) -> Recorded:
     """One `Recording` for each run of the table.
 
-    Raises `MissingColumns` where the time, the command or the response is not recognised, `MalformedLog` for columns
-    that do not go together or hold no numbers, `BadParameter` for options that do not fit.
+    Raises `MissingColumns` if the time, the command or the response is not recognised, `MalformedLog` for columns
+    that do not fit together or have no numbers, `BadParameter` for options that do not fit.
     """
     table = select_joint(table, reading.joint, mapped=list(reading.mapping.values()))
     table = with_whole_stamps(table)
@@ -111,7 +111,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
 def _by_meaning(
     table: Table, known: Recognition, found: Mapping[str, str], sized: Collection[str], axis: str
 ) -> tuple[str, ...]:
-    """A sentence on the columns that were taken by a name which is not quite their own, and for what unit."""
+    """A sentence on the columns that were recognised by a similar name, and the assumed units."""
     listed = [
         f"'{name}' as {column}" + ("" if column in sized or column in _BARE else f" in {si_unit(column, axis)}")
         for column, name in found.items()
@@ -121,7 +121,7 @@ def _by_meaning(
 
 
 def _counted(table: Table, found: Mapping[str, str], rate: float) -> tuple[Table, dict[str, str]]:
-    """The table with a time that counts its rows."""
+    """The table with a time from its row numbers and the rate."""
     length = len(next(iter(table.columns[name] for name in found.values())))
     name = next(name for name in ("time", "time of the rows") if name not in table.columns)
     columns = {**table.columns, name: np.arange(length) / rate}
@@ -131,7 +131,7 @@ def _counted(table: Table, found: Mapping[str, str], rate: float) -> tuple[Table
 def _channels(
     table: Table, found: Mapping[str, str], reading: Reading, units: Mapping[str, str], axis: str
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """The columns as numbers in SI, and what is to be said of the time. The labels of the runs are no numbers."""
+    """The columns as numbers in SI, without the labels of the runs, and notes on the time."""
     channels: dict[str, Array] = {}
     told: tuple[str, ...] = ()
     for column, name in found.items():
@@ -149,7 +149,7 @@ def _channels(
 
 
 def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """(T,) where any channel has a number, and the rows of the file there, counted from 1."""
+    """(T,) whether any channel has a number, and the row numbers of these rows in the file, counted from 1."""
     kept = ~np.all([np.isnan(values) for values in channels.values()], axis=0)
     if not kept.any():
         raise MalformedLog(f"{table.name}: there are no rows with numbers, export the log again.")
@@ -158,7 +158,7 @@ def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDA
 
 
 def _axis(table: Table, found: Mapping[str, str], reading: Reading) -> str:
-    """Of the output; of a velocity alone what drives it tells."""
+    """The axis from the output; for a velocity alone from its unit or from the command."""
     rotary, linear = "angle" in found, "position" in found
     if not rotary and not linear:
         unit = (
@@ -182,9 +182,9 @@ def _axis(table: Table, found: Mapping[str, str], reading: Reading) -> str:
 
 
 def _without_angle(table: Table, name: str, response: Response, command: Command) -> tuple[str, ...]:
-    """What is said of a log of the velocity alone.
+    """The note on a log of the velocity alone.
 
-    Raises `MalformedLog` where the command needs the angle.
+    Raises `MalformedLog` if the command needs the angle.
     """
     if response == "angle":
         return ()

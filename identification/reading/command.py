@@ -1,8 +1,8 @@
-"""What drives the load: the follower's torque or force, from whatever the log has in its place.
+"""The command: the torque at the output gear, or the force, from the columns that the log has.
 
-A current is the torque over the motor's torque constant, a voltage or a duty cycle is it over an unknown constant: then
-every parameter is told per ampere, per volt or per unit of duty, and no torque in newton metres is claimed. A position
-servo makes its torque of the set-point: kp (setpoint - angle) - kd velocity.
+A current is the torque over the motor's torque constant, a voltage or a duty cycle is the torque over an unknown
+constant. If the constant is unknown, every parameter is given per ampere, per volt or per unit of duty, not in newton
+metres. A position servo computes its torque from the set-point: kp (setpoint - angle) - kd velocity.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from identification.recording import Array
 from plant.errors import BadParameter
 
 _KINDS = ("direct", "pinions", "current", "voltage", "duty", "setpoint")
-"""The commands, the one that says most of the torque first."""
+"""The kinds of commands, the most direct measure of the torque first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Command:
     """The command of a log.
 
-    values: (T,) follower torque [N m] or force [N]; of a position servo, its gain times the set-point.
-    servo_gain: (T,) torque per angle of a position servo [N m/rad]; zero where the log gives the torque.
+    values: (T,) torque at the output gear [N m] or force [N]; for a position servo its gain times the set-point.
+    servo_gain: (T,) torque per angle of a position servo [N m/rad]; zero if the log has the torque.
     servo_damping: (T,) its torque per speed of the load [N m s/rad].
-    name: what the file calls it.
-    unit: "N m", "N", or what stands in its place.
-    notes: what limits a result, such as an unknown scale.
+    name: name of the column in the file.
+    unit: "N m", "N", or the unit of the command if its scale is unknown.
+    notes: limitations of a result, such as an unknown scale.
     """
 
     values: Array
@@ -46,9 +46,9 @@ def command_of(
 ) -> Command:
     """The command in the channels (contract column -> values) of a file.
 
-    What the user mapped or gave a constant for comes before what has merely the right name.
+    A column that the user mapped or gave a constant for has priority over one that only has the right name.
 
-    Raises `MalformedLog` where the columns do not go together, `BadParameter` for a constant without its column.
+    Raises `MalformedLog` if the columns do not fit together, `BadParameter` for a constant without its column.
     """
     torque = "torque" if axis == "rotary" else "force"
     columns = {"direct": (torque,), "pinions": ("torque_1", "torque_2")}
@@ -96,7 +96,7 @@ def _of_kind(
 
 
 def _go_with(file: str, given: list[str], channels: Mapping[str, Array], reading: Reading) -> None:
-    """Refuse constants and gains without what they belong to."""
+    """Raise an error for constants and gains without their columns."""
     if reading.torque_constant is not None and "current" not in given:
         raise BadParameter(
             f"A torque constant is given, but {file} has no column 'current'; name it with --map current=NAME."
@@ -119,7 +119,7 @@ def _plain(values: Array, name: str, unit: str, *notes: str) -> Command:
 def _pinions(
     file: str, found: Mapping[str, str], channels: Mapping[str, Array], unit: str, reading: Reading
 ) -> Command:
-    """The sum of two drives' torques at the output, by the gear train; one to one where none is given."""
+    """The sum of two drives' torques at the output gear, by the gear train; ratio one if none is given."""
     first, second = 1.0, 1.0
     notes: tuple[str, ...] = ()
     if reading.gears is None:
@@ -134,7 +134,7 @@ def _pinions(
 
 
 def _servo(file: str, found: Mapping[str, str], channels: Mapping[str, Array], axis: str, reading: Reading) -> Command:
-    """A position servo's set-point with its gains, or per radian of its error where they are unknown."""
+    """A position servo's set-point with its gains; with unknown gains the command is per radian (or metre) of error."""
     setpoint, (torque, unit, angle) = channels["setpoint"], _WORDS[axis]
     kp, kd = (_gain(name, channels, reading, len(setpoint)) for name in ("kp", "kd"))
     if kp is not None:
@@ -164,7 +164,7 @@ _WORDS = {"rotary": ("torque", "N m", "radian"), "linear": ("force", "N", "metre
 
 
 def _gain(name: str, channels: Mapping[str, Array], reading: Reading, samples: int) -> Array | None:
-    """(T,) a gain as the user gave it, else as the log has it; None where it is unknown."""
+    """(T,) a gain from the user, else from the log; None if it is unknown."""
     if (value := getattr(reading, name)) is not None:
         return np.full(samples, float(value))
     return channels.get(name)

@@ -1,4 +1,4 @@
-"""From a file to a table of named columns, nothing judged yet: what a file is decides its content, not its name."""
+"""Read a file into a table of named columns, without checks: the content decides the file type, not the name."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from identification.reading.joints import with_joints
 from identification.reading.table import Table
 
 STANDARD_INPUT = "-"
-SUFFIXES = {  # what a file without a signature of its own, and without text, claims to be
+SUFFIXES = {  # type of a file that has no known signature and is not text
     ".arrow": "Feather",
     ".feather": "Feather",
     ".h5": "HDF5",
@@ -121,7 +121,7 @@ def _bytes(path: Path) -> bytes:
 
 
 def _is_text(content: bytes) -> bool:
-    """Whether nothing in the first bytes is beyond text; UTF-16 has its mark, a serial port garbles its first line."""
+    """Whether the first bytes are text; UTF-16 needs its byte order mark, and the first line may be garbled."""
     head = content[:4096]
     first = head.find(b"\n", 0, _LONGEST_LINE) + 1
     control = head[first:].translate(None, bytes(range(32, 256)) + b"\t\n\r\f\v\x1b\x1a")

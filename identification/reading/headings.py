@@ -1,4 +1,4 @@
-"""What a heading says: words without case and punctuation, and the unit that stands behind or in it.
+"""Parse a heading: words without case and punctuation, and the unit after or in it.
 
 `Torque [mNm]`, `torque_mNm` and `Torque (mN·m)` are the word "torque" and the unit mNm; `ENC1Position` is "enc 1
 position"; `q̇`, `θ` and `τ` are spelled out.
@@ -18,7 +18,7 @@ _BRACKETS = re.compile(r"^(.*\S)\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]\s*$")
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _LETTERS = re.compile(r"[A-Za-zµ°%]+")
 _COUNTS = {"count", "counts", "cnt", "inc", "increments", "ticks", "steps", "pulses", "raw", "lsb", "digits"}
-_AT_THE_END = {  # as a last word, where capitals count for single letters: a motor "a" has no amperes
+_AT_THE_END = {  # as a last word; single letters are case-sensitive: a motor "a" has no amperes
     *("s", "sec", "ms", "us", "ns", "rad", "mrad", "deg", "turn", "turns", "rev", "revs", "rpm", "rps", "dps"),
     *(
         "mm",
@@ -49,9 +49,9 @@ _SAYS_ITS_UNIT = {"millis": "ms", "micros": "us", "nanos": "ns", "ms today": "ms
 
 @dataclass(frozen=True, kw_only=True)
 class Heading:
-    """The words of a heading, lower case, and its unit as a text that `units.si_factor` reads; empty if it has none.
+    """The words of a heading, lower case, and its unit as a text for `units.si_factor`; empty without a unit.
 
-    trailing: whether the unit is a last word, as in `time_ms`, and might be a word like any other (`torque_m`).
+    trailing: whether the unit is a last word, as in `time_ms`, and may be an ordinary word (`torque_m`).
     """
 
     words: tuple[str, ...]
@@ -61,7 +61,7 @@ class Heading:
 
 @lru_cache(maxsize=4096)
 def heading(text: str) -> Heading:
-    """Take a heading apart."""
+    """Split a heading into words and unit."""
     plain = unicodedata.normalize("NFKC", text.lstrip("\ufeff")).strip()
     found = _BRACKETS.match(plain)
     if found:
@@ -90,6 +90,6 @@ def _words(text: str) -> tuple[str, ...]:
 
 
 def _last_letters(text: str, count: int) -> list[str]:
-    """The last groups of letters, set apart by `_`, a space, a slash or a point."""
+    """The last groups of letters, separated by `_`, a space, a slash or a point."""
     parts = re.split(r"[_\s./]+", text)
     return parts[-count:] if len(parts) > count and all(map(_LETTERS.fullmatch, parts[-count:])) else []

@@ -1,4 +1,4 @@
-"""What the columns of a file are: name, unit, range, and what each is used as or may be."""
+"""The columns of a file: name, unit, range, and their actual or possible use."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from identification.reading.recognition import COMMANDS, RESPONSES, Recognition,
 from identification.reading.table import Table
 from identification.reading.units import si_unit
 
-_DATE = re.compile(r"\d[:/-]\d")  # of a day, or of the day
+_DATE = re.compile(r"\d[:/-]\d")  # a date, or a time of day
 _LONGEST = 24  # characters of a text cell that are shown
 
 
@@ -25,10 +25,10 @@ _LONGEST = 24  # characters of a text cell that are shown
 class ColumnFacts:
     """One column of a file.
 
-    unit: as the file gives it; assumed: what is assumed where the file gives none.
-    range: its least and greatest value as text, of a column of text its first cell; samples: how many are there.
-    used_as: the column of the log contract that it is read as, empty if it is not used; why: the reason.
-    may_be: the column of the log contract that it may be, where it was not taken.
+    unit: as in the file; assumed: the assumed unit if the file has none.
+    range: least and greatest value as text, for a column of text its first cell; samples: number of samples.
+    used_as: the column of the log contract for which it is used, empty if it is not used; why: the reason.
+    may_be: the possible column of the log contract, if it is not used.
     """
 
     name: str
@@ -42,7 +42,7 @@ class ColumnFacts:
 
 
 def inventory(table: Table, known: Recognition) -> tuple[ColumnFacts, ...]:
-    """All columns of a table, in its order."""
+    """All columns of a table, in the order of the table."""
     columns = {name: column for column, name in known.found.items()}
     axis = "linear" if {"force", "position"} & set(known.found) else "rotary"
     return tuple(
@@ -61,10 +61,7 @@ def inventory(table: Table, known: Recognition) -> tuple[ColumnFacts, ...]:
 
 
 def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
-    """Say all that is missing at once, with what the file has.
-
-    Raises `MissingColumns`, if anything is missing.
-    """
+    """Raise `MissingColumns` if anything is missing: with all that is missing, and the columns of the file."""
     lacking = list(missing(known, table, reading))
     if not lacking:
         return
@@ -75,7 +72,7 @@ def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
 
 
 def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -> str:
-    """Options that name the likeliest guess of each missing column, quoted for a shell; NAME where there is none."""
+    """Options with the best guess for each missing column, quoted for a shell; NAME without a guess."""
     needed: list[Sequence[str]] = []
     said = []
     taken = set(known.found.values())
@@ -97,7 +94,7 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
 
 
 def _rises(values: NDArray[np.generic]) -> bool:
-    """Whether a column may be a time: dates, and numbers that never fall and do not merely count the rows."""
+    """Whether a column may be a time: dates, or numbers that never decrease and are not just row numbers."""
     if values.dtype.kind not in "fiu":
         return values.dtype.kind == "M" or bool(values.size and _DATE.search(str(values[0])))
     numbers = values.astype(np.float64)
@@ -106,7 +103,7 @@ def _rises(values: NDArray[np.generic]) -> bool:
 
 
 def lines(facts: Sequence[ColumnFacts]) -> list[str]:
-    """The facts as a table, one column of the file a line."""
+    """The facts as a table, one line per column of the file."""
     shown = [(one.name, one.unit or one.assumed, one.range, _use(one)) for one in facts]
     rows = [("column", "unit", "range", "used as"), *shown]
     widths = [max(len(row[place]) for row in rows) for place in range(4)]
@@ -114,7 +111,7 @@ def lines(facts: Sequence[ColumnFacts]) -> list[str]:
 
 
 def _assumed(column: str, axis: str) -> str:
-    """The unit of a column that is taken and has none, in brackets; a time may be a date, or count anything."""
+    """The assumed unit of a used column without a unit, in brackets; none for a time, which may have any unit."""
     return "" if column in ("", "time", "run", "duty") else f"({si_unit(column, axis)})"
 
 

@@ -22,10 +22,10 @@ from identification.recording import Array
 def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
     """One table of all columns, each on the clock of its file [s].
 
-    A name that two files have gets the name of its file before it, `encoder/position`. `time` is the column that holds
-    the time, where its name does not tell; a file that gives each channel a clock needs none.
+    A name that occurs in two files is prefixed by the name of the file, `encoder/position`. `time` is the column of the
+    time if its name is not recognised; it is not needed for a file with a clock per channel.
 
-    Raises `MalformedLog` where a file has no time, or the times do not overlap.
+    Raises `MalformedLog` if a file has no time, or the times do not overlap.
     """
     clocked = [_clocked(table, time) for table in tables]
     spans = [_span(table, clocks) for table, (_, clocks) in zip(tables, clocked, strict=True)]
@@ -43,7 +43,7 @@ def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
     units: dict[str, str] = {"time": "s"}
     joint_of: dict[str, tuple[str, str]] = {}
     for table, (columns, own) in zip(tables, clocked, strict=True):
-        shifted = {id(clock): clock - start for clock in own.values()}  # channels of one clock go on sharing it
+        shifted = {id(clock): clock - start for clock in own.values()}  # channels of one clock still share it
         for name, values in columns.items():
             called = name if times[name] == 1 else f"{Path(table.name).stem}/{name}"
             merged[called], clocks[called] = values, shifted[id(own[name])]
@@ -65,7 +65,7 @@ def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
 
 
 def _clocked(table: Table, time: str | None) -> tuple[dict[str, NDArray[Any]], dict[str, Array]]:
-    """The columns of a table but its time, and the clock of each [s]."""
+    """The columns of a table without its time, and the clock of each [s]."""
     if table.clocks:
         scale = si_factor("time", table.units.get("time", "s"), "rotary")
         shared = {id(clock): scale * np.asarray(clock, dtype=np.float64) for clock in table.clocks.values()}
@@ -84,7 +84,7 @@ def _clocked(table: Table, time: str | None) -> tuple[dict[str, NDArray[Any]], d
 
 
 def _seconds(table: Table, name: str) -> Array:
-    """A column of times in seconds: numbers in its unit, dates since 1970, the time of day since midnight."""
+    """A column of times in seconds: numbers by their unit, dates since 1970, times of day since midnight."""
     unit = table.units.get(name, "") or time_unit(name)
     times, begin, _ = clock_of(table, name, si_factor("time", unit, "rotary") if unit else None)
     return times + begin

@@ -1,4 +1,4 @@
-"""Logs of machines with several joints: which columns are whose, and the columns of one of them."""
+"""Logs of machines with several joints: the joint of each column, and the columns of one joint."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LISTED = re.compile(r"(?P<field>.*[./])?(?P<quantity>position|velocity|effort)(
 
 
 def with_joints(table: Table) -> Table:
-    """The table, with the joints that its names tell of: `/joint_states/elbow/position`, `field.position0`."""
+    """The table with the joints in its column names: `/joint_states/elbow/position`, `field.position0`."""
     if table.joint_of:
         return table
     joint_of = _in_paths(table.columns)
@@ -33,8 +33,10 @@ def with_joints(table: Table) -> Table:
 
 
 def _in_paths(names: Collection[str]) -> dict[str, tuple[str, str]]:
-    """The joints in the paths of PlotJuggler: parts of one topic that have a quantity in common, as an encoder's
-    position and a drive's effort have not."""
+    """The joints in the paths of PlotJuggler: parts of one topic with a common quantity.
+
+    A part with an encoder's position and a part with a drive's effort have none in common, so they are not joints.
+    """
     found = {name: match for name in names if (match := _PATH.fullmatch(name))}
     topics: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     for match in found.values():
@@ -50,9 +52,9 @@ def _in_paths(names: Collection[str]) -> dict[str, tuple[str, str]]:
 def select_joint(table: Table, joint: str | None = None, mapped: Collection[str] = ()) -> Table:
     """The table with the columns of one joint, named without it (`position:elbow` as `position`), and those of none.
 
-    mapped: columns that the user has named; they stay as they are, and where one is a joint's no joint need be given.
+    mapped: columns that the user named; they keep their names, and if one belongs to a joint, `joint` is not needed.
 
-    Raises `BadParameter` where no such joint is in the table, and `MalformedLog` where one has to be chosen.
+    Raises `BadParameter` if the table has no such joint, and `MalformedLog` if the user must choose one.
     """
     joints = table.joints
     if joint is None and (not joints or any(name in table.joint_of for name in mapped)):
@@ -91,14 +93,14 @@ def _unknown(name: str, joint: str, joints: Collection[str]) -> str:
 
 
 def _shortened(own: Mapping[str, str], others: Collection[str]) -> dict[str, str]:
-    """The quantities without the topic that they were published on, where they are told apart without it."""
+    """The quantities without their topic, if they are unique without it."""
     short = {name: re.sub(r"^(/([^/]*/)*[^/.]*|field)\.", "", quantity) for name, quantity in own.items()}
     times = Counter([*short.values(), *others])
     return {name: short[name] if times[short[name]] == 1 else quantity for name, quantity in own.items()}
 
 
 def _constant(values: Any) -> str:
-    """The one text that a column holds, else ""."""
+    """The text of a column with a single text, else ""."""
     if values is None:
         return ""
     found = {str(value) for value in np.asarray(values[:50], dtype=object)}

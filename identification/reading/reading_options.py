@@ -1,4 +1,4 @@
-"""How a log is to be read: what its columns are called and measured in, and what the file itself cannot know."""
+"""Options to read a log: names and units of its columns, and facts that are not in the file."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ COLUMNS = (
     *("angle", "position", "velocity", "angle_1", "angle_2", "reference", "run"),
     *("payload_mass", "payload_radius", "payload_inertia", "payload_gravity"),
 )
-"""The columns that a log may have; anything else in a file is left alone."""
+"""The columns that a log may have; other columns of a file are ignored."""
 
 ALIASES = {"goal": "setpoint"}
-"""Older names of columns, which stay valid."""
+"""Older names of columns, still valid."""
 
 
 class How(TypedDict, total=False):
@@ -38,19 +38,19 @@ class How(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """How a file's columns become the contract's columns.
+    """How the columns of a file become the columns of the log contract.
 
-    mapping: contract column -> the file's name for it, or its place ("3" is the third column).
-    units: contract column -> the unit that its (scaled) values are in.
+    mapping: contract column -> its name in the file, or its number ("3" is the third column).
+    units: contract column -> unit of its (scaled) values.
     scales: contract column -> factor on the file's values, applied before the unit.
     gears: needed when only the pinion torques were logged.
     rate: samples per second of a file without a time [Hz].
     torque_constant: torque per current, for a log of the motor's current [N m/A]; [N/A] on a linear axis.
     kp, kd: gains of a position servo, for a log of its set-point [N m/rad], [N m s/rad]; on a linear axis [N/m],
         [N s/m].
-    joint: the joint to take of a log that has several.
+    joint: the joint to be read from a log that has several.
 
-    Raises `BadParameter` for columns that no log has, and numbers that are none.
+    Raises `BadParameter` for columns that no log has, and for invalid numbers.
     """
 
     mapping: Mapping[str, str] = field(default_factory=dict)
@@ -64,7 +64,7 @@ class Reading:
     joint: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse columns that no log has, and numbers that are none; older names become today's."""
+        """Check columns and numbers; replace older names by the present ones."""
         for option, name in (("mapping", "mapping"), ("unit", "units"), ("scale", "scales")):
             given = {ALIASES.get(column, column): value for column, value in getattr(self, name).items()}
             for column in given:

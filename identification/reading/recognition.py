@@ -1,7 +1,7 @@
-"""Which column of a table is which of a log: as mapped, by its own name, as a drive's object, or by meaning.
+"""Recognise the columns of a table: as mapped, by their contract name, as a drive's object, or by meaning.
 
-Where several columns may be the same, none is taken: the user has to say which. What was asked for (a target) is taken
-only where nothing was measured.
+If several columns are possible, none is used: the user must choose one. A requested value (a target) is used only if
+there is no measured one.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from identification.reading.units import kind_of
 COMMANDS = ("torque", "force", "torque_1", "torque_2", "current", "voltage", "duty", "setpoint")
 RESPONSES = ("angle", "position", "velocity")
 AS_GIVEN = "as given"
-_OPTIONAL = ("velocity", "run")  # taken by a name that says nothing else, where something else is the response
+_OPTIONAL = ("velocity", "run")  # used only if their name has no other meaning
 
 
 @dataclass
 class Recognition:
-    """What the columns of a table are used as.
+    """The use of the columns of a table.
 
     found: contract column -> the table's column.
-    why: contract column -> why it was taken, for people.
-    guesses: the table's column -> contract column that it may be, for those that were not taken.
+    why: contract column -> the reason, for messages.
+    guesses: the table's column -> possible contract column, for columns that are not used.
     objects: contract columns that were found as objects of CiA 402.
     """
 
@@ -41,27 +41,27 @@ class Recognition:
     objects: tuple[str, ...] = ()
 
     def take(self, column: str, name: str, why: str) -> None:
-        """The table's column of that name is this one of the log."""
+        """Use the table's column `name` as the contract column `column`."""
         self.found[column], self.why[column] = name, why
 
     @property
     def has_command(self) -> bool:
-        """Whether something drives the load; one pinion's torque does not."""
+        """Whether there is a command; the torque of one pinion alone is not enough."""
         return bool(set(self.found) & (set(COMMANDS) - {"torque_1", "torque_2"})) or {"torque_1", "torque_2"} <= set(
             self.found
         )
 
     @property
     def has_response(self) -> bool:
-        """Whether the motion of the load is there."""
+        """Whether there is the motion of the load."""
         return bool(set(self.found) & set(RESPONSES))
 
 
 def recognise(table: Table, reading: Reading) -> Recognition:
-    """What the columns of a table are.
+    """The use of the columns of a table.
 
-    Raises `MalformedLog` for a mapped column that the table does not have or that is mapped twice, and where two
-    objects of a drive would do.
+    Raises `MalformedLog` for a mapped column that the table does not have, for one that is mapped to both the command
+    and the response, and if two objects of a drive are possible.
     """
     known = Recognition()
     for column, wanted in reading.mapping.items():
@@ -89,7 +89,7 @@ def recognise(table: Table, reading: Reading) -> Recognition:
 
 
 def _refuse_twice(table: Table, known: Recognition) -> None:
-    """A column that was mapped to the command cannot be the response as well."""
+    """Raise `MalformedLog` for a column that is mapped to both the command and the response."""
     names = {known.found[column]: column for column in COMMANDS if column in known.found}
     for column in RESPONSES:
         name = known.found.get(column)
@@ -115,7 +115,7 @@ def _named(table: Table, column: str, wanted: str) -> str:
 
 
 def _own_name(name: str) -> str | None:
-    """The contract column that a heading names to the letter, but for case, spaces, `_` and a unit."""
+    """The contract column with the name of a heading, apart from case, spaces, `_` and a unit; else None."""
     for plain in (name.strip().lower(), "_".join(heading(name).words)):
         if (column := ALIASES.get(plain, plain)) in COLUMNS:
             return column
@@ -123,7 +123,7 @@ def _own_name(name: str) -> str | None:
 
 
 def _is_angle(known: Recognition, name: str, left: Mapping[str, str]) -> bool:
-    """Whether a column called "position" is the angle of a rotary axis: by its unit, else by what drives it."""
+    """Whether a column called "position" is the angle of a rotary axis: from its unit, else from the command."""
     unit = left[name] or heading(name).unit
     found = meaning(name, unit)
     if found is not None and found.column == "angle":
@@ -136,7 +136,7 @@ def _is_angle(known: Recognition, name: str, left: Mapping[str, str]) -> bool:
 
 
 def _on_axis(known: Recognition, found: Meaning, meant: Mapping[str, Meaning], linear: bool) -> Meaning:
-    """A position without a unit is an angle, unless a force drives it."""
+    """A position without a unit is an angle, unless the command is a force."""
     if found.column != "position" or kind_of(found.unit) is not None:
         return found
     forced = linear or "force" in known.found or any(other.column == "force" for other in meant.values())
@@ -144,7 +144,7 @@ def _on_axis(known: Recognition, found: Meaning, meant: Mapping[str, Meaning], l
 
 
 def _take_by_meaning(known: Recognition, meant: Mapping[str, Meaning]) -> None:
-    """Take the surest column for what is still missing, where it is the only one of its grade."""
+    """For each missing contract column use the column with the highest grade, if it is the only one of that grade."""
     _take_shafts(known, meant)
     wanted = ["time"] if "time" not in known.found else []
     if not {"angle", "position"} & set(known.found):
@@ -170,7 +170,7 @@ def _take_command(known: Recognition, meant: Mapping[str, Meaning]) -> None:
                 known.take(f"torque_{place}", name, "a torque, one of two")
             return
         if any(found.column == column for found in meant.values()):
-            return  # several may be it: nothing less is taken in its place
+            return  # several are possible: no other kind of command is used instead
 
 
 def _take(known: Recognition, column: str, meant: Mapping[str, Meaning]) -> bool:
@@ -189,7 +189,7 @@ def _take(known: Recognition, column: str, meant: Mapping[str, Meaning]) -> bool
 
 
 def _take_shafts(known: Recognition, meant: Mapping[str, Meaning]) -> None:
-    """Beside the torques of two motors, angles that differ by a 1 and a 2 are their shafts', if the load's is left."""
+    """With torques of two motors, angles named with 1 and 2 are those of the shafts, if another angle is the load's."""
     angles = [name for name, found in meant.items() if found.column == "angle"]
     pairs = [two for one in angles for other in angles if (two := _one_and_two(one, other))]
     two_motors = {"torque_1", "torque_2"} <= set(known.found) or _pair(meant) is not None
@@ -200,13 +200,13 @@ def _take_shafts(known: Recognition, meant: Mapping[str, Meaning]) -> None:
 
 
 def _pair(meant: Mapping[str, Meaning]) -> tuple[str, str] | None:
-    """The torques of two motors: the only two, whose names differ by a 1 and a 2."""
+    """The torques of two motors: the only two torques, with names that differ by 1 and 2."""
     names = [name for name, found in meant.items() if found.column == "torque"]
     return _one_and_two(*sorted(names)) if len(names) == 2 else None
 
 
 def _one_and_two(one: str, two: str) -> tuple[str, str] | None:
-    """Two names, if they differ by nothing but a 1 in the first and a 2 in the second."""
+    """Two names, if their only difference is a 1 in the first and a 2 in the second."""
     differ = [(a, b) for a, b in zip(_split(one), _split(two), strict=False) if a != b]
     return (one, two) if len(_split(one)) == len(_split(two)) and differ == [("1", "2")] else None
 
@@ -216,7 +216,7 @@ def _split(name: str) -> list[str]:
 
 
 def missing(known: Recognition, table: Table, reading: Reading) -> Iterator[str]:
-    """What a log needs and these columns do not give, in words."""
+    """The missing columns of a log, in words."""
     if "time" not in known.found and not table.clocks and reading.rate is None:
         yield "'time' (or, with --rate HZ, none)"
     if not known.has_command:
@@ -227,9 +227,9 @@ def missing(known: Recognition, table: Table, reading: Reading) -> Iterator[str]
 
 
 def joined_if_needed(tables: Sequence[Table], reading: Reading) -> list[Table]:
-    """The tables, or the two of them as one where one has the command and the other the response.
+    """The tables; two tables are joined if one has the command and the other the response.
 
-    Raises `MalformedLog` where the clocks of such two do not overlap.
+    Raises `MalformedLog` if the clocks of these two do not overlap.
     """
     if len(tables) != 2 or any(table.joints for table in tables):
         return list(tables)

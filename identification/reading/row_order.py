@@ -1,7 +1,7 @@
-"""Rows in another order than their times: experiments one below the other, shuffled rows, the newest row on top.
+"""Rows that are not in the order of time: several experiments in one table, shuffled rows, the newest row on top.
 
-A few rows that come late fill the hole that they left; an experiment that begins anew lies over the one before, or
-before it. That tells shuffled rows, which are sorted, from a new run.
+A few late rows fill gaps in the time of the rows before. A new experiment overlaps the one before in time, or lies
+before it. This distinguishes shuffled rows, which are sorted, from a new run.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from plant.number import HUGE
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """What was done to rows out of order: its kind, where, and the sentence that follows the place."""
+    """The treatment of rows out of order: its kind, the place, and the sentence after the place."""
 
     kind: str
     where: str
@@ -28,12 +28,12 @@ class Told:
 
 
 def sorted_rows(recording: Recording) -> tuple[list[Recording], list[Told]]:
-    """The experiments in a recording, each with a time that does not go back, and what was done.
+    """The experiments in a recording, each with a time that does not decrease, and the treatment of the rows.
 
-    Raises `MalformedLog` where the rows are in no order at all.
+    Raises `MalformedLog` if the rows have no recognisable order.
     """
     time = recording.time
-    if not np.all(np.abs(time) < HUGE):  # refused when time is checked
+    if not np.all(np.abs(time) < HUGE):  # the check of the time raises the error
         return [recording], []
     steps = np.diff(time)
     if not np.any(steps < 0):
@@ -73,14 +73,14 @@ def sorted_rows(recording: Recording) -> tuple[list[Recording], list[Told]]:
 
 
 def _disorder(time: Array) -> tuple[list[int], list[int], list[int]]:
-    """First rows of the experiments, rows that come late within one, and rows whose time belongs nowhere."""
+    """First rows of the experiments, late rows within an experiment, and rows with a time that fits nowhere."""
     steps = np.diff(np.sort(time))
     step = float(np.median(steps[steps > 0]))
     astray = _astray(time, step)
     begins: list[int] = [0]
     late: list[int] = []
     odd: list[int] = []
-    top, seen, done = -np.inf, 0, 0  # latest time of the experiment, rows that it is of, rows that are judged
+    top, seen, done = -np.inf, 0, 0  # latest time of the experiment, rows it covers, rows classified
     for i in map(int, np.flatnonzero(np.diff(time) < 0) + 1):
         if i < done:
             continue
@@ -104,7 +104,7 @@ def _disorder(time: Array) -> tuple[list[int], list[int], list[int]]:
 
 
 def _astray(time: Array, step: float) -> NDArray[np.bool_]:
-    """Rows (T,) whose neighbours follow each other as usual, while their own time is not between those."""
+    """Rows (T,) with a time that is not between the times of their neighbours, which are consecutive."""
     astray = np.zeros(len(time), dtype=bool)
     across = time[2:] - time[:-2]
     between = (time[1:-1] >= time[:-2]) & (time[1:-1] <= time[2:])
@@ -113,10 +113,10 @@ def _astray(time: Array, step: float) -> NDArray[np.bool_]:
 
 
 def _fill_holes(time: Array, begin: int, i: int, stop: int, step: float) -> bool:
-    """Whether the rows i to stop, in their places by time, lie where rows are missing, and no denser than others."""
+    """Whether the rows i to stop, sorted by time, fill gaps, with no more rows per time than elsewhere."""
     late = time[i:stop]
     first = max(begin, i - 2 * MIN_SAMPLES)
-    if first > begin and time[first] > late.min():  # from long before
+    if first > begin and time[first] > late.min():  # too old
         return False
     around = np.sort(np.append(time[first:i], time[stop : stop + 1]))
     after = np.searchsorted(around, late, side="right")

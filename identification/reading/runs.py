@@ -1,4 +1,4 @@
-"""Which rows of a table belong to one experiment."""
+"""Split the rows of a table into experiments."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from identification.recording import Array, Recording, counted
 
 
 def labels_of(table: Table, name: str) -> NDArray[np.object_]:
-    """(T,) the cells of a column as labels of experiments, of any kind, as they are written; "" for an empty one."""
+    """(T,) the cells of a column, of any type, as labels of experiments; "" for an empty cell."""
     import pandas as pd
 
     raw: NDArray[Any] = np.asarray(table.columns[name])
@@ -30,16 +30,16 @@ def labels_of(table: Table, name: str) -> NDArray[np.object_]:
 
 
 def _written(label: Any) -> str:
-    """A label as people write it: 3 for the float of a run column with holes."""
+    """A label as text: 3 for a float in a run column with empty cells."""
     return f"{label:.15g}" if isinstance(label, float | np.floating) else str(label).strip()
 
 
 def split_runs(whole: Recording, labels: NDArray[np.object_] | None) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
-    """One recording for each label, in the order in which they come, and for each restart of the time.
+    """One recording per label, in order of appearance, and per restart of the time; and sentences on disorder.
 
-    A label that returns later continues its experiment. Beside the recordings, sentences on what was not in order.
+    A label that returns later continues its experiment.
 
-    Raises `MalformedLog` where the labels tell no experiments apart, or the rows are in no order.
+    Raises `MalformedLog` if the labels do not separate experiments, or if the rows have no recognisable order.
     """
     whole = replace(whole, start=_start(whole.time))
     notes: list[str] = []
@@ -61,7 +61,7 @@ def split_runs(whole: Recording, labels: NDArray[np.object_] | None) -> tuple[tu
 
 
 def _start(time: Array) -> float:
-    """The time of the first sample; of a table with the newest on top that is the last."""
+    """The time of the first sample; in a table with the newest row on top this is the last row."""
     known = time[np.isfinite(time)]
     if len(known) == 0:
         return 0.0
@@ -69,7 +69,7 @@ def _start(time: Array) -> float:
 
 
 def _labelled(whole: Recording, labels: NDArray[np.object_]) -> tuple[Recording, NDArray[np.object_], list[str]]:
-    """The rows that have a label. One that stands in a single row each time begins an experiment."""
+    """The rows that have a label. If each label occurs in a single row, it begins an experiment."""
     known = labels != ""
     if not known.any():
         raise MalformedLog(f"{whole.label}: the run column '{whole.name('run')}' is empty, leave it out.")
@@ -91,7 +91,7 @@ def _labelled(whole: Recording, labels: NDArray[np.object_]) -> tuple[Recording,
 
 
 def _sentences(told: Iterable[Told]) -> list[str]:
-    """One sentence for each kind of disorder: where it was seen first, and how many times more."""
+    """One sentence per kind of disorder: its first place, and the number of further places."""
     kinds: dict[str, list[Told]] = {}
     for one in told:
         kinds.setdefault(one.kind, []).append(one)

@@ -1,6 +1,6 @@
-"""Which unit each column of a log is in: the user's word first, then the file's, else SI.
+"""The unit of each column of a log: from the user, else from the file, else SI.
 
-Where a number is known to be the drive's own (CiA 402), or the file's unit has no fixed size, SI is not assumed.
+SI is not assumed for values in units of the drive (CiA 402), or if the unit in the file has no fixed size.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from identification.reading.table import Table
 from identification.reading.units import kind_of, si_factor, si_unit
 from plant.errors import BadParameter
 
-_DISPENSABLE = ("velocity", "angle_1", "angle_2", "reference")  # without them a log is still one
+_DISPENSABLE = ("velocity", "angle_1", "angle_2", "reference")  # optional columns of a log
 
 
 @dataclass(frozen=True, kw_only=True)
 class StatedUnits:
-    """Contract column -> unit; columns that are left out because their size is unknown; notes."""
+    """Contract column -> unit; columns that are left out because the size of their unit is unknown; notes."""
 
     units: dict[str, str]
     left_out: tuple[str, ...]
@@ -39,10 +39,10 @@ def stated_units(
     scales: Mapping[str, float],
     axis: str,
 ) -> StatedUnits:
-    """The units of the columns in `found` (contract column -> the table's), of which `guessed` were found as objects.
+    """The units of the columns in `found` (contract column -> the table's); `guessed` were found as objects of CiA 402.
 
-    Raises `BadParameter` where a scale and the file's unit contradict each other, and `MalformedLog` where a column
-    that the log needs is in a unit of unknown size.
+    Raises `BadParameter` if a scale and the file's unit contradict each other, and `MalformedLog` if a required column
+    has a unit of unknown size.
     """
     known = dict(units)
     told = []
@@ -60,7 +60,7 @@ def stated_units(
             elif column not in scales:
                 _refuse_increments(table, column, name, axis, guessed=column in guessed)
         except MalformedLog as error:
-            if column not in _DISPENSABLE or not {"angle", "position"} & set(found):  # a velocity may be all there is
+            if column not in _DISPENSABLE or not {"angle", "position"} & set(found):  # a velocity may be the response
                 raise MalformedLog(f"{table.name}: {error}") from error
             left_out.append(column)
             notes.append(f"{table.name}: '{name}' is left out, as {str(error).rstrip('.')}")
@@ -73,13 +73,13 @@ def stated_units(
 
 
 def _of_heading(name: str, column: str, axis: str) -> str:
-    """The unit in a heading; a last word such as the m of `theta_m` is one only where the column has such a unit."""
+    """The unit in a heading; a last word such as the m of `theta_m` counts only if it is of the column's kind."""
     read = heading(name)
     return "" if read.trailing and kind_of(read.unit) != si_unit(column, axis) else read.unit
 
 
 def _counts(column: str, unit: str, axis: str, *, scaled: bool) -> bool:
-    """Whether the file's unit is to be used. A scale takes its place where it cannot be converted (ampere to N m)."""
+    """Whether the file's unit is used. A scale replaces a unit that cannot be converted (ampere to N m)."""
     try:
         factor = si_factor(column, unit, axis)
     except BadParameter as error:
@@ -95,7 +95,7 @@ def _counts(column: str, unit: str, axis: str, *, scaled: bool) -> bool:
 
 
 def _refuse_increments(table: Table, column: str, name: str, axis: str, *, guessed: bool) -> None:
-    """An object of the drive profile is in increments; one that the user mapped, if it holds whole numbers."""
+    """Raise `MalformedLog` for an object in increments; for one that the user mapped only if it has whole numbers."""
     known = drive_object(name)
     if known is None:
         return

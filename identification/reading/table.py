@@ -1,4 +1,4 @@
-"""What a file holds before anything is judged: named columns, with clocks and units where it tells them."""
+"""The content of a file before any check: named columns, with clocks and units if the file has them."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Table:
-    """Columns as the file holds them: any dtype, lengths may differ (MAT and NPZ files mix sizes).
+    """Columns as in the file: any dtype, lengths may differ (MAT and NPZ files mix sizes).
 
-    A column without a name is called by its place, counted from 1: "3" is the third.
+    The name of a column without a name is its number, counted from 1: "3" is the third.
 
     first_line: line of row 1 in a text file.
-    rows: (T,) the number of each row, counted from 1 at `first_line`; None where no line between them was left out.
+    rows: (T,) the number of each row, counted from 1 at `first_line`; None if no line between them was left out.
     notes: what the reader skipped, interpolated or left out, one sentence each.
     clocks: column -> times of its samples, as long as the column; columns that were sampled together share one array.
-        Empty where the file has one row for each instant, and the time is a column like any other.
-    units: column -> its unit as the file writes it; "time" is the unit of the clocks, [s] where it is not given.
-    joint_of: column -> the joint that it belongs to and its name without it, `position:elbow` -> ("elbow", "position").
+        Empty if the file has one row for each instant, and the time is an ordinary column.
+    units: column -> its unit as in the file; "time" is the unit of the clocks, [s] if it is not given.
+    joint_of: column -> its joint and its name without the joint, `position:elbow` -> ("elbow", "position").
     """
 
     name: str
@@ -38,7 +38,7 @@ class Table:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """The joints of which the columns tell; empty where there is one axis."""
+        """The joints of the columns; empty for a single axis."""
         return tuple(dict.fromkeys(joint for joint, _ in self.joint_of.values()))
 
     def row(self, index: int) -> int:
@@ -52,7 +52,7 @@ class Table:
 
 
 def table_of(columns: Mapping[str, NDArray[Any]], label: str) -> Table:
-    """The table of columns that are no file's, with the hash of their content."""
+    """The table of columns that are not from a file, with the hash of their content."""
     digest = hashlib.sha256()
     for name, values in columns.items():
         digest.update(name.encode())

@@ -1,4 +1,4 @@
-"""The times of a table as seconds: a time of day, dates as people write them, epochs in any unit, plain numbers."""
+"""The times of a table in seconds: from times of day, dates in any notation, epochs in any unit, plain numbers."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ _THIS_CENTURY = (946684800.0, 4102444800.0)  # [s] since 1970: the years 2000 to
 
 
 def seconds_of(table: Table, name: str, factor: float | None) -> tuple[Array, tuple[str, ...]]:
-    """(T,) times [s], and what is to be said of them. Dates count from the first one.
+    """(T,) times [s], and notes on them. Dates count from the first one.
 
-    factor: seconds in one of the column's numbers; None where it is unknown, and numbers are seconds or an epoch.
+    factor: seconds per unit of the column's numbers; None if it is unknown, then numbers are seconds or an epoch.
 
-    Raises `MalformedLog` for a cell that is no time.
+    Raises `MalformedLog` for a cell that is not a time.
     """
     times, _, told = clock_of(table, name, factor)
     return times, told
 
 
 def clock_of(table: Table, name: str, factor: float | None) -> tuple[Array, float, tuple[str, ...]]:
-    """(T,) times [s], when dates among them begin [s] since 1970, else 0, and what is to be said; as `seconds_of`."""
+    """(T,) times [s], the first date [s] since 1970 (0 without dates), and notes; arguments as in `seconds_of`."""
     raw: NDArray[Any] = np.asarray(table.columns[name])
     if raw.ndim == 1 and raw.dtype.kind in "mMOUST":
         import pandas as pd
@@ -77,7 +77,7 @@ def clock_of(table: Table, name: str, factor: float | None) -> tuple[Array, floa
 
 
 def _times_of_day(written: pd.Series[str]) -> Array | None:
-    """Seconds of `16:13:10.123`, `4:13:10 PM`, `1 day, 0:00:01` or `13:10.1` (minutes); None if most are no such."""
+    """Seconds of `16:13:10.123`, `4:13:10 PM`, `1 day, 0:00:01` or `13:10.1` (minutes); None if most are others."""
     import pandas as pd
 
     parts = written.str.extract(f"^{_OF_DAY}$")
@@ -98,7 +98,7 @@ def _times_of_day(written: pd.Series[str]) -> Array | None:
 
 
 def _over_midnight(table: Table, name: str, times: Array, *, whole: bool) -> tuple[Array, tuple[str, ...]]:
-    """Times of day that fall by more than half a day have passed midnight."""
+    """Continue times of day over midnight, where they decrease by more than half a day."""
     known = np.flatnonzero(np.isfinite(times))
     nights = np.cumsum(np.diff(times[known], prepend=times[known][:1]) < -_DAY / 2)
     if whole or len(nights) == 0 or nights[-1] == 0:
@@ -109,7 +109,7 @@ def _over_midnight(table: Table, name: str, times: Array, *, whole: bool) -> tup
 
 
 def _over_its_bits(table: Table, name: str, numbers: Array) -> tuple[Array, tuple[str, ...]]:
-    """A counter of 16 or 32 bits that has passed its end goes on, if that makes a step as the others are."""
+    """Continue a counter of 16 or 32 bits over its wraps, if the steps there are then like the others."""
     known = np.flatnonzero(np.isfinite(numbers))
     steps = np.diff(numbers[known])
     falls = steps < 0
@@ -127,9 +127,9 @@ def _over_its_bits(table: Table, name: str, numbers: Array) -> tuple[Array, tupl
 
 
 def _dates(cells: pd.Series[Any]) -> tuple[Array, float] | None:
-    """Seconds since the first date, NaN for a cell that is none, and that date since 1970; None if most are none.
+    """Seconds since the first date, NaN for other cells, and the first date since 1970; None if most are not dates.
 
-    Day and month are not distinguished by their order: the reading in which the log is shorter is taken.
+    The order of day and month is unknown: the one for which the log is shorter is used.
     """
     import pandas as pd
 
@@ -167,9 +167,9 @@ def _refuse_others(table: Table, name: str, written: pd.Series[str], times: Arra
 
 
 def with_whole_stamps(table: Table) -> Table:
-    """Whole seconds and what is beyond them in a column beside (`sec` and `nanosec`, as ROS has it) as one time.
+    """Join whole seconds and their fraction in another column (`sec` and `nanosec`, as in ROS) to one time.
 
-    The sum takes the place of the seconds; where it is the only one in a table without a time, it also is the time.
+    The sum replaces the seconds; if it is the only one in a table without a time, it is also the time.
     """
     lower = {name.lower(): name for name in table.columns}
     columns, notes = dict(table.columns), table.notes
@@ -196,7 +196,7 @@ def with_whole_stamps(table: Table) -> Table:
 
 
 def _epoch(numbers: Array) -> str | None:
-    """The unit in which numbers that as seconds lie far in the future are times of this century."""
+    """The unit of an epoch: numbers that are far in the future as seconds, but of this century in ms, us or ns."""
     finite = numbers[np.isfinite(numbers)]
     if len(finite) < 2 or float(np.median(finite)) < _THIS_CENTURY[1]:
         return None

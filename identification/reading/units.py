@@ -1,4 +1,4 @@
-"""Conversion of log columns to SI, at the edge and nowhere else."""
+"""Conversion of log columns to SI; it is done only when a log is read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from plant.errors import BadParameter
 from plant.units import LONGEST, quantity
 
-# What each column of the log contract is measured in.
+# SI unit of each column of the log contract.
 SI_UNITS = {
     "time": "s",
     "torque": "N m",
@@ -31,7 +31,7 @@ SI_UNITS = {
     "payload_gravity": "N m",
 }
 
-# Columns whose unit follows the axis: an angle on a rotary axis, a length on a linear one.
+# Columns with a unit that depends on the axis: rotary, linear.
 AXIS_UNITS = {
     "velocity": ("rad/s", "m/s"),
     "reference": ("rad", "m"),
@@ -40,7 +40,7 @@ AXIS_UNITS = {
     "kd": ("N m s/rad", "N s/m"),
 }
 
-# One column of each unit that a log may have, with the axis that has it; nm is a length before it is a torque.
+# One column of each possible unit, with its axis; nm is tried as a length before a torque.
 _KINDS = (
     ("position", "linear"),
     *((column, "rotary") for column in ("time", "torque", "angle", "velocity", "current", "voltage")),
@@ -48,16 +48,16 @@ _KINDS = (
 )
 
 _MEANT = {"grad": "deg", "rev": "turn", "revs": "turn", "umdr": "turn", "upm": "rpm", "rps": "turn/s", "dps": "deg/s"}
-"""Units that pint does not know, or for something else: the German Grad is no gon."""
+"""Units that pint does not know, or takes for another unit: the German Grad is not gon."""
 _WEIGHT, _ARM = r"(?P<weight>kg|g|oz|lb)f?s?", r"(?P<arm>m|cm|mm|in|ft)"
 _WEIGHT_ON_ARM = re.compile(rf"{_WEIGHT}{_ARM}|{_ARM.replace('arm', 'other')}{_WEIGHT.replace('weight', 'heavy')}")
 
 _PER_MINUTE = re.compile(r"(?<![A-Za-z0-9])((1|U|r|rev|tr|giri|Umdr\.?)/min|min(\^|\*\*)?-1|min⁻¹)(?![A-Za-z0-9])")
 
-# These are numbers for pint, so it would take them for radians; how much they are is known to the user alone.
+# pint treats these as numbers, and so as radians; only the user knows their size.
 _BARE_NUMBERS = {"count", "percent", "permille", "ppm", "dimensionless", "bit", "byte"}
-_ELECTRICAL = "erpm"  # turns of the field a minute; how many of them are one of the shaft, the motor's poles say
-_SHARES = {"percent", "permille", "ppm", "dimensionless"}  # how much these are of a whole is known
+_ELECTRICAL = "erpm"  # turns of the field per minute: the speed of the shaft times the pole pairs
+_SHARES = {"percent", "permille", "ppm", "dimensionless"}  # known shares of one
 
 _SUCH_AS = {"rad": "deg", "rad/s": "deg/s", "m": "mm", "m/s": "mm/s", "s": "ms", "N m": "mNm", "N": "kN", "A": "mA"}
 
@@ -66,11 +66,11 @@ _WORTH = {
     "rad/s": "turn/131072/s",
     "N m": "2.4Nm/1000",
     "1": "1/255",
-}  # of one step of the drive's number
+}  # example for one step of the drive's value
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit of any kind, known or not to a log: "N m", "1/min", "V"."""
+    """Whether a text is any unit, also one that no log column has: "N m", "1/min", "V"."""
     if re.search(r"\d{3}|[<>=!]", text):
         return False
     spellings = (_PER_MINUTE.sub("rpm", spelling) for spelling in _spellings(text, "N*m"))
@@ -78,7 +78,7 @@ def is_unit(text: str) -> bool:
 
 
 def _spellings(unit: str, wanted: str) -> Iterator[str]:
-    """What a text may stand for where that SI unit is wanted, the likeliest first: `RPM`, `Grad`, `oz-in`, `kg.cm`."""
+    """Possible spellings of a unit if the SI unit `wanted` is needed, best first: `RPM`, `Grad`, `oz-in`, `kg.cm`."""
     unit = re.sub(r"[A-Za-z]+", lambda word: _MEANT.get(word[0].lower(), word[0]), unit)
     low = unit.lower()
     yield unit
@@ -88,12 +88,12 @@ def _spellings(unit: str, wanted: str) -> Iterator[str]:
             yield f"{found['weight'] or found['heavy']}f*{found['arm'] or found['other']}"
         if low == "nm":
             yield "N*m"
-    if low != unit and "nm" not in low and not _is_known(unit):  # A is no year, NM are no nanometres
+    if low != unit and "nm" not in low and not _is_known(unit):  # A is not a year, NM not nanometres
         yield low
 
 
 def _is_known(unit: str) -> bool:
-    """Whether pint knows a unit as it is written."""
+    """Whether pint knows a unit in this spelling."""
     try:
         quantity(unit)
     except Exception:  # pint raises a dozen different types on odd text
@@ -110,7 +110,7 @@ def si_unit(column: str, axis: str) -> str:
 
 @cache
 def kind_of(unit: str) -> str | None:
-    """The SI unit that a unit can be converted to ("s", "N m", "rad", ...), None if it is no unit of a log."""
+    """The SI unit to which a unit can be converted ("s", "N m", "rad", ...), None if it is not a unit of a log."""
     for column, axis in _KINDS:
         try:
             si_factor(column, unit, axis)
@@ -121,12 +121,12 @@ def kind_of(unit: str) -> str | None:
 
 
 def si_factor(column: str, unit: str, axis: str) -> float:
-    """Factor that takes values in `unit` to the SI unit of `column`.
+    """Factor from `unit` to the SI unit of `column`.
 
     A unit may have a factor: an encoder's count is `turn/131072`, a drive's per mille of 2.4 N m is `2.4 N m/1000`.
 
-    Raises `BadParameter` when the unit is unknown, measures something else, or is a bare number
-    (counts, per mille) whose size only a scale can tell.
+    Raises `BadParameter` if the unit is unknown, is of another kind, or is a bare number (counts, per mille), for
+    which the user must give the size.
     """
     wanted = si_unit(column, axis)
     if unit.strip() in (wanted, wanted.replace(" ", "*")):
@@ -156,7 +156,7 @@ def si_factor(column: str, unit: str, axis: str) -> float:
 
 
 def _hint(column: str, wanted: str, unit: str) -> str:
-    """What else the user may have meant."""
+    """A hint on what the user may have meant."""
     if wanted in ("N m", "N"):
         return (
             f"; a current or voltage becomes a torque through --scale {column}=VALUE, or is given as it is with "
@@ -171,7 +171,7 @@ def _hint(column: str, wanted: str, unit: str) -> str:
 
 
 def _factor(unit: str, wanted: str) -> tuple[float, bool]:
-    """Factor to the wanted SI unit, and whether the unit says how large it is; raises anything."""
+    """Factor to the wanted SI unit, and whether the unit has a known size; may raise any exception."""
     *others, last = _spellings(unit, wanted)
     for spelling in others:
         try:
@@ -182,7 +182,7 @@ def _factor(unit: str, wanted: str) -> tuple[float, bool]:
 
 
 def _factor_of(unit: str, wanted: str) -> tuple[float, bool]:
-    """The same of one spelling."""
+    """`_factor` of one spelling."""
     unit = re.sub(r"\brotations?\b", "turn", _PER_MINUTE.sub("rpm", unit))
     found = quantity(unit.replace("%", "percent") if wanted == "1" else unit)
     names = {str(name) for name in found.units._units}

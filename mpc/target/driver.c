@@ -1,8 +1,8 @@
-/* Plays a recording through the controller: CSV on standard input, CSV on standard output.
+/* Runs the controller on a recording: CSV on standard input, CSV on standard output.
 
-   A line is ${angle},reference [${length}], or ${angle} and the ${NAME}_HORIZON + 1 references from now on; where encoders at the
-   motors count (${NAME}_MOTORS) their angles [rad] stand behind the first. The first line may hold names. "nan" is a
-   reading that is missing. Out: the torque of each drive [N m], and the status. */
+   A line has ${angle},reference [${length}], or ${angle} and the ${NAME}_HORIZON + 1 references from now on. If motor encoders
+   are used (${NAME}_MOTORS), their angles [rad] follow the ${angle}. The first line may have column names. "nan" is a missing
+   measurement. Output: the torque of each drive [N m], and the status. */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@ enum { BEFORE = 1 + ${NAME}_DRIVES * ${NAME}_MOTORS, MOST = BEFORE + ${NAME}_HOR
 static struct ${name}_controller controller;
 static char line[32 * MOST + 64];
 
-/* How many numbers stand in a line, and the numbers. */
+/* Parse the numbers of a line; returns how many there are. */
 static int numbers(const char *text, ${name}_real *found)
 {
   int count = 0;
@@ -38,7 +38,7 @@ int main(void)
   printf("status\n");
   while (fgets(line, sizeof line, stdin)) {
     count = numbers(line, found);
-    if (!row++ && !count) continue; /* names */
+    if (!row++ && !count) continue; /* column names */
     if (count != BEFORE + 1 && count != MOST) {
       fprintf(stderr, "line %d has %d numbers instead of %d or %d\n", row, count, (int)BEFORE + 1, (int)MOST);
       return 2;

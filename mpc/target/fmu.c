@@ -1,5 +1,5 @@
-/* The controller as a machine of plant/fmu.c: a step when a sample begins, its torques until the next. The values are
-   angle, reference, angles of the motors if they count, then torques, margin, disturbance and status. */
+/* The controller as a machine of plant/fmu.c: one step at the start of a sample, its torques are held until the next.
+   The values are angle, reference, motor angles if motor encoders are used, torques, margin, disturbance and status. */
 
 enum { SHOWN = 2 + ${NAME}_DRIVES * ${NAME}_MOTORS, MARGIN = SHOWN + ${NAME}_DRIVES, DISTURBANCE, STATUS };
 

@@ -1,4 +1,4 @@
-"""The catalogue of effects: one file each, listed here in the order in which the command meets them."""
+"""The catalogue of effects: one file each, listed in the order in which they act between command and measurement."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ _ALONG_THE_WAY: tuple[type[Effect], ...] = (
 )
 
 catalogue: MappingProxyType[str, type[Effect]] = MappingProxyType({cls.name: cls for cls in _ALONG_THE_WAY})
-"""Every effect by its name."""
+"""All effects of the catalogue, by name."""
 
 __all__ = [
     "ActuatorLag",

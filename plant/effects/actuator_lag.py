@@ -62,7 +62,7 @@ class ActuatorLag(Effect):
 
 
 def lagged(motion: Motion, lag: float) -> Array:
-    """(T,) mean over each sample of the command behind a first-order lag [N m]."""
+    """(T,) mean over each sample of the command after a first-order lag [N m]."""
     from scipy.signal import lfilter
 
     decay = np.exp(-motion.sample_time / lag)

@@ -31,7 +31,7 @@ class AsymmetricFriction(Effect):
     )
 
     def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
-        """One size for each direction."""
+        """A separate level for each direction."""
         return self.forward, self.backward
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
@@ -44,7 +44,7 @@ class AsymmetricFriction(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """Each direction on its own, and the speed."""
+        """Each direction separately, and the speed."""
         forward, backward = np.clip(motion.sign, 0.0, None), np.clip(motion.sign, None, 0.0)
         yield Trace(
             columns=-np.column_stack((forward, backward, np.abs(motion.velocity))),

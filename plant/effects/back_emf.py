@@ -12,9 +12,9 @@ from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, param
 
 @dataclass(frozen=True, kw_only=True)
 class BackEmf(Effect):
-    """Torque that falls with the speed of the motor, ahead of the dead zone.
+    """Torque that falls with the speed of the motor, before the dead zone.
 
-    Where nothing nonlinear comes behind it, it is viscous friction, and a log cannot tell the two apart.
+    If no nonlinear effect follows it, it equals viscous friction, and a log cannot distinguish the two.
     """
 
     name = "back_emf"
@@ -27,18 +27,19 @@ class BackEmf(Effect):
     constant: float = parameter("{torque} s/{angle}", "torque lost per speed k_e", lower=0.0)
 
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
-        """What the induced voltage leaves."""
+        """The torque less the part lost to the induced voltage."""
         return torque - self.constant * velocity
 
     def command_for(self, torque: Expression, velocity: Expression) -> Expression:
-        """What the induced voltage will take, on top of the torque."""
+        """The torque plus the part that the induced voltage will take."""
         return torque + self.constant * velocity
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """What arrives less at the load, for constants up to one that takes half the torque at top speed.
+        """Torque lost at the load, for constants up to one that takes half the torque at top speed.
 
-        A small one may never bring the torque into the dead zone, and then is viscous friction: they start apart.
+        With a small constant the torque may never enter the dead zone, and the effect equals viscous friction. The
+        starts are therefore far apart.
         """
         top = float(np.quantile(np.abs(motion.velocity), 0.99))
         level = float(np.sqrt(np.mean(motion.torque**2)))

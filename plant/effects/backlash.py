@@ -1,4 +1,4 @@
-"""Backlash: free play between motor and load."""
+"""Backlash between motor and load."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ from plant.effects.effect import (
     within,
 )
 
-_STIFF = 400.0  # swing on the spring of a flank that a log of 5 ms cannot tell from a hard one [rad/s]
-_DAMPING = 0.5  # of that swing on a flank that counts as hard
-_STEPS = 4.0  # integration steps in a radian of that swing
-_SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the inertia, to start from
-_WIDTHS = (0.7, 1.0, 1.4)  # by which the gap is wider than what a first descent ended at, tried with each share
+_STIFF = 400.0  # frequency on a flank that a log with 5 ms samples cannot distinguish from a rigid one [rad/s]
+_DAMPING = 0.5  # damping ratio of a flank that counts as rigid
+_STEPS = 4.0  # integration steps per radian of that oscillation
+_SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # initial motor shares
+_WIDTHS = (0.7, 1.0, 1.4)  # factors on the backlash found by a first descent, tried with each fraction
 
-# Other flanks, by the frequency over a hard one's and the damping, which is never that of a hard one; and from there on
-# by both over those of the flank before.
+# Softer flanks: frequency relative to that of a rigid one, and damping ratio (never that of a rigid one). `_NEXT` has
+# factors on both, relative to the flank before.
 _SOFTER = ((1.0, 0.2), (1.0, 0.1), (0.7, 0.4), (0.5, 0.2), (0.5, 0.4), (0.35, 0.4), (0.35, 0.2))
 _NEXT = ((0.5, 1.0), (0.7, 1.0), (0.85, 1.0), (1.2, 1.0), (1.5, 1.0), (1.0, 0.5), (1.0, 0.75), (1.0, 1.3), (1.0, 2.0))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Backlash(Effect):
-    """A motor with inertia of its own that loses contact with the load, crosses the backlash and meets the other flank.
+    """A motor with its own inertia that loses contact with the load, crosses the backlash and meets the other flank.
 
-    A flank only pushes. It is a spring with a damper (Nordin and Gutman 2002), on which both masses would swing at the
-    flank frequency. At first that is so high that the log cannot tell the flank from a hard one, and is not fitted.
-    Then flanks are tried that are softer, or damp a knock less; where one of them fits clearly better, frequency and
-    damping are fitted too.
-    A light motor crosses a wide gap as fast as a heavy motor a narrow one: a log of a few seconds determines gap times
-    share to some per cent, each alone to a quarter. The likelihood has many maxima. The standard errors of a fit are
-    those at its maximum; those of a diagnosis come from the scatter over parts of the log.
+    A flank only pushes. It is a spring with a damper (Nordin and Gutman 2002), on which both masses would oscillate at
+    the flank frequency. At first that is so high that the log cannot distinguish the flank from a rigid one, and is not
+    fitted. Then softer flanks and flanks with less damping are tried; if one of them fits clearly better, frequency and
+    damping are fitted too. A light motor crosses a wide backlash as fast as a heavy motor a narrow one: a log of a few
+    seconds determines backlash times share to some per cent, each alone to a quarter. The likelihood has many maxima.
+    The standard errors of a fit are those at its maximum; those of a diagnosis come from the scatter over parts of the
+    log.
     """
 
     name = "backlash"
@@ -76,11 +76,11 @@ class Backlash(Effect):
 
     @property
     def freed(self) -> bool:
-        """Of a flank that is not hard, which no fit ends at by itself: it is recognised by its damping."""
+        """Whether the flank is not rigid: its damping differs from the default, as no fit ends exactly there."""
         return not (isinstance(self.flank_damping, float) and self.flank_damping == _DAMPING)
 
     def step_within(self, sample_time: float) -> float:
-        """A quarter of a radian of the swing on a flank."""
+        """A quarter of a radian of the oscillation on a flank."""
         return 1.0 / (_STEPS * self.flank_frequency)
 
     def share(self) -> Expression:
@@ -88,7 +88,7 @@ class Backlash(Effect):
         return self.motor_share
 
     def coupling(self, twist: Expression, rate: Expression, inertia: Expression) -> Expression:
-        """The push of the flank in touch, if any."""
+        """Torque of the flank in contact, zero without contact."""
         stiffness = self.motor_share * (1.0 - self.motor_share) * inertia * self.flank_frequency**2
         damping = 2.0 * self.flank_damping / self.flank_frequency
         ahead, behind = twist - self.gap / 2, twist + self.gap / 2
@@ -97,7 +97,7 @@ class Backlash(Effect):
         return stiffness * (forward + backward)
 
     def loaded(self, before: float, after: float) -> Backlash:
-        """The motor and its flanks stay what they are; hard ones are hard before and after."""
+        """The motor and its flanks do not change; rigid flanks stay rigid."""
         if self.freed:
             spring = self._spring.loaded(before, after)
             return replace(
@@ -109,7 +109,7 @@ class Backlash(Effect):
         return replace(self, motor_share=within(self.motor_share * before / after, Backlash, "motor_share"))
 
     def similar_shapes(self, stage: int) -> tuple[Effect, ...]:
-        """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one."""
+        """A light motor crosses a wide backlash in the same time as a heavy one a narrow one."""
         width = self.gap * self.motor_share
         if stage == 0:
             both = product(_WIDTHS, _SHARES)
@@ -123,7 +123,7 @@ class Backlash(Effect):
         return (*along, *wider, *(self._between(faster, more * self.flank_damping) for faster, more in _NEXT))
 
     def freer(self) -> tuple[Effect, ...]:
-        """The same gap between flanks that are softer, or damp a knock less."""
+        """The same backlash between softer flanks, or flanks with less damping."""
         return () if self.freed else tuple(self._between(slower, damping) for slower, damping in _SOFTER)
 
     def _between(self, faster: float, damping: float) -> Backlash:
@@ -131,7 +131,7 @@ class Backlash(Effect):
         return replace(self, flank_frequency=frequency, flank_damping=within(damping, Backlash, "flank_damping"))
 
     def reduced(self) -> tuple[Effect, ...]:
-        """Between soft flanks, the spring of the flanks alone."""
+        """For soft flanks, their spring alone, without backlash."""
         return (self._spring,) if self.freed else ()
 
     @property
@@ -144,7 +144,7 @@ class Backlash(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The torque that is missing in the gap and the knock behind it, for gaps and shares on a grid."""
+        """Torque missing during loss of contact and impact after it, for backlashes and shares on a grid."""
         shares, samples = (0.1, 0.3, 0.6), np.geomspace(3.0, 60.0, 9)
         stiff = float(f"{fastest_swing(motion.sample_time):.3g}")
         torque = motion.arriving(motion.torque)
@@ -168,7 +168,7 @@ class Backlash(Effect):
 
 
 def _crossing(motion: Motion, torque: Array, rows: NDArray[np.intp], share: Array, gap: Array) -> Array:
-    """(T, G) torque on the whole inertia that a gap adds, from the load's own acceleration: nothing is fed back."""
+    """(T, G) torque on the total inertia added by a backlash, computed from the given acceleration without feedback."""
     side = np.full(gap.size, 1.0 if torque[rows[0]] >= 0.0 else -1.0)
     still = np.zeros(gap.size)
     moved = np.column_stack((torque[rows], motion.acceleration[rows]))
@@ -178,10 +178,10 @@ def _crossing(motion: Motion, torque: Array, rows: NDArray[np.intp], share: Arra
 
 @recursion(carried=4)
 def _loose_motor(count: int) -> Any:
-    """The motor in each of several gaps: (side in touch, lead before the load, its speed, whether loose).
+    """The motor in each of several backlashes: (side in contact, lead over the load, relative speed, whether loose).
 
-    In touch the motor moves with the load and the flank carries torque - J_m a; when that changes sign the motor lets
-    go. On landing both masses share their momentum.
+    In contact the motor moves with the load and the flank transmits torque - J_m a; when that changes sign, contact is
+    lost. On impact both masses share their momentum.
     """
     side, lead, speed, loose, share, gap = (ca.SX.sym(name, count) for name in ("s", "x", "v", "l", "share", "gap"))
     moved, machine = ca.SX.sym("moved", 2), ca.SX.sym("machine", 2)

@@ -1,4 +1,4 @@
-"""Cable stiffness: what the load drags along pulls it back to a rest angle."""
+"""Cable stiffness: cables and hoses pull the load back to a rest angle."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ class CableStiffness(Effect):
     rest_angle: float = parameter("{angle}", "rest angle x_0", default=0.0)
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """Back to the rest angle."""
+        """Torque towards the rest angle."""
         bend = at.angle - self.rest_angle
         return -self.stiffness * bend - self.cubic * bend**3
 
     def plausible(self, log: Covered) -> bool:
-        """A cable pulls back, to an angle no further than a travel away: from afar its pull is the same everywhere."""
+        """Stiffness not negative, and rest angle within one travel of the log: a distant rest angle is an offset."""
         return bool(self.stiffness >= 0.0 and log.low - log.travel <= self.rest_angle <= log.high + log.travel)
 
     def reduced(self) -> tuple[Effect, ...]:
-        """Soft and far away it is an offset."""
+        """A soft cable with a distant rest angle is a torque offset."""
         return (TorqueOffset(torque=self.stiffness * self.rest_angle + self.cubic * self.rest_angle**3),)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """A straight line and a cube about the middle of the travel."""
+        """A linear and a cubic term about the middle of the travel."""
         middle = 0.5 * float(motion.angle.min() + motion.angle.max())
         bend = motion.angle - middle
 

@@ -30,13 +30,13 @@ class Cogging(Effect):
     phase: float = parameter("rad", "phase at angle zero")
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """The ripple."""
+        """The torque ripple."""
         return self.amplitude * ca.sin(self.order * at.angle + self.phase)
 
     def plausible(self, log: Covered) -> bool:
-        """Once a turn or more often, or two periods were seen: a slower wave is an offset, or the bend of something.
+        """Whether it has at least one period per turn, or two periods in the log: a slower wave is a trend.
 
-        One that keeps step with the turn itself, all over the travel, is gravity with its offset.
+        A wave of one period per turn over the whole travel is gravity with its offset.
         """
         as_gravity = log.turn > 0.0 and abs(self.order - TURN / log.turn) * log.travel < 0.5 * TURN
         return is_wave(self.order, log.travel, log.turn) and not as_gravity
@@ -48,7 +48,7 @@ class Cogging(Effect):
         return (cls._at(order, motion, searched) for order in orders)
 
     def closer(self, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at orders next to its own."""
+        """Sine and cosine at neighbouring orders."""
         return (self._at(order, motion) for order in closer(motion.angle, self.order))
 
     @classmethod

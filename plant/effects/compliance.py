@@ -47,7 +47,7 @@ class Compliance(Effect):
     motor_share: float = parameter("-", "share of the inertia on the motor's side", lower=0.02, upper=0.98)
 
     def step_within(self, sample_time: float) -> float:
-        """A radian of the fastest swing that a fit may try, and of its own."""
+        """One radian of the fastest oscillation that a fit may try, and of the effect's own resonance."""
         return 1.0 / max(fastest_swing(sample_time), self.frequency)
 
     def share(self) -> Expression:
@@ -60,7 +60,7 @@ class Compliance(Effect):
         return reduced * self.frequency * (self.frequency * twist + 2.0 * self.damping * rate)
 
     def loaded(self, before: float, after: float) -> Compliance:
-        """The motor, the spring and the damper stay what they are."""
+        """The motor, the spring and the damper do not change."""
         share = within(self.motor_share * before / after, Compliance, "motor_share")
         slower = float(np.sqrt((1.0 - self.motor_share) / (1.0 - share)))
         return Compliance(
@@ -70,7 +70,7 @@ class Compliance(Effect):
         )
 
     def plausible(self, log: Covered) -> bool:
-        """A spring swings; one that hardly does is a filter.
+        """Whether it oscillates: a spring with more damping is a filter.
 
         Even rubber couplings have damping ratios D of 0.04 to 0.07 only (as damping energy ratios 4 pi D of 0.45 to
         0.90; Martyr and Plint 2007, table 9.2).
@@ -79,10 +79,10 @@ class Compliance(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The command behind a resonance less the command: what a torque at the motor does to the load (s = c s + k).
+        """The command filtered by a resonance less the command: effect of a motor torque on the load (spring c s + k).
 
-        From motor torque to load angle a two-mass system is a rigid one behind the low pass (2 D w s + w^2) /
-        (s^2 + 2 D w s + w^2), whatever the shares of the masses are.
+        From motor torque to load angle a two-mass system is a rigid body after the low pass (2 D w s + w^2) / (s^2 + 2
+        D w s + w^2), for any shares of the masses.
         """
         dampings = (0.03, 0.2)
         bound = fastest_swing(motion.sample_time)
@@ -107,7 +107,7 @@ class Compliance(Effect):
 
 
 def _behind(torque: Array, frequency: float, damping: float, dt: float) -> Array:
-    """(T,) mean over each sample of a held torque behind the resonance [N m]."""
+    """(T,) mean over each sample of a held torque filtered by the resonance [N m]."""
     from scipy import signal
 
     slope, level = 2.0 * damping * frequency, frequency**2

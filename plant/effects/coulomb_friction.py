@@ -1,4 +1,4 @@
-"""Coulomb friction: constant against the motion, and it holds at rest."""
+"""Coulomb friction: constant torque against the motion, with stiction at rest."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class CoulombFriction(Effect):
     torque: float = parameter("{torque}", "friction torque F_c", lower=0.0)
 
     def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
-        """The same in both directions."""
+        """The same level in both directions."""
         return self.torque, self.torque
 
     @classmethod

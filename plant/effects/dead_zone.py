@@ -25,16 +25,16 @@ class DeadZone(Effect):
     half_width: float = parameter("{torque}", "half width gamma", lower=0.0)
 
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
-        """Eq. (6) for both signs of the torque. It needs no smooth form, and a fit can open it from nothing."""
+        """Eq. (6) for both signs of the torque, without smoothing; a fit can start from width zero."""
         return ca.fmax(torque - self.half_width, 0) + ca.fmin(torque + self.half_width, 0)
 
     def command_for(self, torque: Expression, velocity: Expression) -> Expression:
-        """Half the width on top of the torque; none for no torque."""
+        """The torque plus the half width; none for no torque."""
         return torque + self.half_width * ca.sign(torque)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The clipped torque, for half widths from small to half the largest torque."""
+        """The clipped torque, for half widths up to half of the largest torque."""
         largest = float(np.max(np.abs(motion.torque), initial=0.0))
         shares = (0.01, 0.03, 0.1, 0.25, 0.5)
         for width in (share * largest for share in shares):

@@ -11,7 +11,7 @@ import numpy as np
 from plant.effects.effect import Covered, Effect, Expression, Motion, Stage, Trace, parameter
 from plant.effects.spectral_lines import as_wave, closer, is_wave, lines_over_angle, waves
 
-_FIRST = (1.0, 2.0)  # orders of a disc off its centre, and of one that is not round
+_FIRST = (1.0, 2.0)  # orders of an eccentric disc, and of an elliptical one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,13 +33,13 @@ class EncoderEccentricity(Effect):
     phase: float = parameter("rad", "phase at angle zero")
 
     def reading(self, angle: Expression, state: Expression) -> Expression:
-        """The angle and its error."""
+        """The angle plus its error."""
         return angle + self.amplitude * ca.sin(self.order * angle + self.phase)
 
     def plausible(self, log: Covered) -> bool:
-        """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else.
+        """Whether it has at least one period per turn, or two periods in the log: a slower wave is a trend.
 
-        And no disc is off its centre by half of its radius, where the reading is half as fast again, or half as slow.
+        A disc is not eccentric by half of its radius: the measured speed would deviate by half.
         """
         return is_wave(self.order, log.travel, log.turn) and self.amplitude * self.order < 0.5
 
@@ -47,14 +47,14 @@ class EncoderEccentricity(Effect):
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """Sine and cosine at the first two orders of a turn, and at those that would improve the fit most.
 
-        A part of a wave that is no longer than a radian cannot be told from a scale that is a little off.
+        A section of a wave shorter than a radian cannot be distinguished from an error of scale.
         """
         found, searched = lines_over_angle(motion, "reading")
         first = [(order, 2) for order in _FIRST if motion.turn and order * float(np.ptp(motion.angle)) > 1.0]
         return (cls._at(order, motion, among) for order, among in [*first, *((order, searched) for order in found)])
 
     def closer(self, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at orders next to its own; the first two are what they are."""
+        """Sine and cosine at neighbouring orders; the first two orders are fixed."""
         orders = closer(motion.angle, self.order) if self.order not in _FIRST else ()
         return (self._at(order, motion) for order in orders)
 
@@ -69,6 +69,6 @@ class EncoderEccentricity(Effect):
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:
-        """A disc off its centre: one period a turn."""
+        """An eccentric disc: one period per turn."""
         amplitude, phase = as_wave(motion.visible(waves(motion.angle, 1.0), "reading"))
         return cls(amplitude=amplitude, order=1.0, phase=phase)

@@ -1,4 +1,4 @@
-"""End stop: the load runs against something at one position."""
+"""End stop: the load hits a stop at one position."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ class EndStop(Effect):
     stiffness: float = parameter("{torque}/{angle}", "stiffness k; negative for a stop at the lower end")
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """Out of the stop."""
+        """Torque out of the stop."""
         beyond = at.angle - self.angle
         upper = ca.if_else(self.stiffness > 0, ca.fmax(beyond, 0), ca.fmin(beyond, 0))
         return -ca.fabs(self.stiffness) * upper
 
     def plausible(self, log: Covered) -> bool:
-        """A stop stops: at its usual speed the load gets no deeper than half of its travel."""
+        """Whether it stops the load: at its typical speed the load enters by less than half of its travel."""
         return bool(np.sqrt(log.inertia / max(abs(self.stiffness), 1e-300)) * log.speed < 0.5 * log.travel)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """How deep the load is in a stop, for stops near both ends of the travel; a hard one lets nothing far in."""
+        """Depth of the load in a stop, for stops near both ends of the travel; a stiff stop allows little depth."""
         low, high = float(motion.angle.min()), float(motion.angle.max())
         softest = 1e-6 * float(np.sqrt(np.mean(motion.torque**2))) / max(high - low, POSITIVE)
         shares = (0.0001, 0.0003, 0.001, 0.004, 0.02, 0.05, 0.1, 0.2, 0.35)

@@ -41,10 +41,11 @@ class FrictionDrift(Effect):
         return level, level
 
     def without_clock(self, rest: ServoModel, end: float | None) -> ServoModel:
-        """The friction that had been gained when the log ended.
+        """The friction reached at the end of the log.
 
-        Where that is not known the friction of its time zero remains, the only one that the model states without a
-        clock: of two wrong levels a controller bears the low one, but swings where it compensates too much.
+        If the end is not known, the friction at time zero remains, the only one that the model gives without a clock. A
+        controller tolerates a friction level that is too low; with one that is too high it overcompensates and
+        oscillates.
         """
         if end is None:
             return rest
@@ -56,7 +57,7 @@ class FrictionDrift(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """Velocity and direction, growing with time."""
+        """Velocity and direction times the time."""
         yield Trace(
             columns=-np.column_stack((motion.time * motion.velocity, motion.time * motion.sign)),
             positive=(False, True),

@@ -1,4 +1,4 @@
-"""Friction without a name: a smooth curve over velocity, and dry friction."""
+"""Non-parametric friction: a smooth curve over velocity, and dry friction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionOverVelocity(CurveOverVelocity):
-    """Such a curve and dry friction: by itself it would have to be steep at each reversal, and nothing would stick."""
+    """A curve over velocity plus dry friction: a curve alone would be steep at each reversal and has no stiction."""
 
     name = "friction_over_velocity"
     title = "friction over velocity"
@@ -30,11 +30,11 @@ class FrictionOverVelocity(CurveOverVelocity):
 
     @classmethod
     def beside(cls, model: ServoModel) -> bool:
-        """Where nothing is dry yet; elsewhere it would only take the place of what is."""
+        """Only without other dry friction in the model; otherwise it would replace it."""
         return super().beside(model) and not model.slides
 
     def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
-        """The same in both directions."""
+        """The same level in both directions."""
         return self.dry, self.dry
 
     @classmethod

@@ -1,6 +1,6 @@
-"""A torque on the load that is given at each sample: by a log that has it, or by what a fit makes of the unmodelled.
+"""A torque on the load that is given at each sample, by the log or by the unmodelled torque of a fit.
 
-It is not in the catalogue. Where it stands in a model its torque may be differentiated by.
+It is not in the catalogue. The model can be differentiated with respect to this torque.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from plant.effects.effect import Effect, Expression, Moment, Stage, parameter
 
 @dataclass(frozen=True, kw_only=True)
 class GivenLoad(Effect):
-    """Held over a sample."""
+    """A load torque held over a sample."""
 
     name = "given_load"
     title = "given load torque"
@@ -22,5 +22,5 @@ class GivenLoad(Effect):
     torque: float = parameter("{torque}", "torque on the load")
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """The same at every instant of a sample."""
+        """The given torque, constant within a sample."""
         return self.torque

@@ -13,10 +13,10 @@ from plant.effects.ramp import Ramp
 
 @dataclass(frozen=True, kw_only=True)
 class GoalRateLimit(Ramp):
-    """Speed limit in the firmware of a position servo, before its law; the state is the internal goal.
+    """Speed limit in the firmware of a position servo, before its law; the state is the internal set-point.
 
-    A limit in angle a second is the same at every servo gain, which a limit of the command is not. Where the log gives
-    the torque (servo gain zero) there is no goal, and the command passes.
+    A limit in angle per second is the same at every servo gain; a limit of the command is not. If the log gives the
+    torque (servo gain zero) there is no set-point, and the command passes unchanged.
     """
 
     name = "goal_rate_limit"
@@ -31,7 +31,7 @@ class GoalRateLimit(Ramp):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The limited goal through the drive's law less the goal; none where there is no goal."""
+        """The limited set-point through the drive's law less the set-point; none without a set-point."""
         gain, command = motion.servo_gain, motion.command
         if np.any(gain > 0.0):
             goal = motion.by_run(lambda rows: goals(command[rows], gain[rows]))
@@ -39,9 +39,10 @@ class GoalRateLimit(Ramp):
 
 
 def goals(command: Array, servo_gain: Array) -> Array:
-    """(T,) goals [rad] behind the commands (T,) of one run.
+    """(T,) set-points [rad] of the commands (T,) of one run.
 
-    Where the servo gain (T,) is zero it is the last goal before, at first the one to come; zero if there is none.
+    Where the servo gain (T,) is zero it is the last set-point before, at the start the first one to come; zero if there
+    is none.
     """
     given = np.flatnonzero(servo_gain > 0.0)
     if given.size == 0:
@@ -51,6 +52,6 @@ def goals(command: Array, servo_gain: Array) -> Array:
 
 
 def first_goal(command: Array, servo_gain: Array) -> float:
-    """The first of the `goals` [rad]."""
+    """The first of the set-points of `goals` [rad]."""
     first = int(np.argmax(servo_gain > 0.0))
     return float(command[first] / servo_gain[first]) if servo_gain[first] > 0.0 else 0.0

@@ -27,7 +27,7 @@ class GravityOffset(Effect):
     beta: float = parameter("{torque}", "gravity torque in quadrature")
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """Against the rotation, like gravity in eq. (4)."""
+        """Counted like gravity in eq. (4)."""
         return -self.beta * ca.sin(at.angle)
 
     @classmethod

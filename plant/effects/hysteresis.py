@@ -1,6 +1,6 @@
 """Hysteresis of any shape: a curve over the travel since the last reversal, as in `nonparametric_curve`.
 
-What gives before it slides, creeps or drags something along depends on more than where the load is and how fast.
+It represents torques with memory (presliding, creep, drag) that depend on more than angle and velocity.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from plant.effects.presliding_hysteresis import remembered, slid
 
 @dataclass(frozen=True, kw_only=True)
 class Hysteresis(Curve):
-    """A curve over a memory between minus and plus one, its state; Dahl's friction is a straight line over it."""
+    """A curve over a memory state between minus and plus one; Dahl's friction is a straight line over it."""
 
     name = "hysteresis"
     title = "hysteresis"
@@ -37,7 +37,7 @@ class Hysteresis(Curve):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """One column for each knot, for ways from a part of a sample's travel to a quarter of the range."""
+        """One column for each knot, for memory lengths from a part of a sample's travel to a quarter of the range."""
         memories = list(remembered(motion))
         for way, memory in memories:
             yield Trace(

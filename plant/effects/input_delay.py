@@ -1,4 +1,4 @@
-"""Input delay: the command acts later, by whole samples and fractions of one."""
+"""Input delay: the command acts later, by whole samples and fractions of a sample."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from plant.effects.effect import Array, Effect, Expression, Motion, Stage, Trace
 class InputDelay(Effect):
     """Dead time between the command and the torque: bus cycles, computation.
 
-    A delay inside a sample is a switch from the old to the new command at that instant, not an average of both:
-    the stages behind it are nonlinear. `plant.discrete` splits the step there.
+    A delay within a sample switches from the old to the new command at that instant. The average of both would be
+    wrong, because later stages are nonlinear. `plant.discrete` splits the step there.
     """
 
     name = "input_delay"

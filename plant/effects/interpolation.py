@@ -1,4 +1,4 @@
-"""Smooth interpolation between knots, in numbers or symbols."""
+"""Smooth interpolation between knots, for numbers or symbols."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from plant.effects.effect import Array, Expression
 def rises_and_bends(
     knots: Sequence[Expression], heights: Sequence[Expression] | Array
 ) -> tuple[list[Expression], list[Expression]]:
-    """Slopes from each knot to the next, and half the second derivatives of the parabolas through three in a row."""
+    """Slopes between adjacent knots, and half the second derivatives of the parabolas through three adjacent knots."""
     rises = [(b - a) / (w - v) for (v, w), (a, b) in zip(pairwise(knots), pairwise(heights), strict=True)]
     bends = [(b - a) / (w - v) for v, w, (a, b) in zip(knots[:-2], knots[2:], pairwise(rises), strict=True)]
     return rises, bends
 
 
 def interpolated(value: Expression, knots: Sequence[Expression], heights: Sequence[Expression] | Array) -> Expression:
-    """Between two knots the mean of the parabolas through them and the one before or after, weighted by the way.
+    """Between two knots a weighted mean of two parabolas: through both and the knot before, or the knot after.
 
-    Where there is but one such parabola, that one; outside, constant. It is the piecewise cubic of Bessel (de Boor
-    2001, ch. IV; Overhauser 1968): it passes through the heights, is smooth, and has every parabola as it is.
+    In the first and last interval there is only one such parabola; outside the knots the value is constant. It is the
+    piecewise cubic of Bessel (de Boor 2001, ch. IV; Overhauser 1968): it passes through the heights, has a continuous
+    slope, and reproduces every parabola exactly.
     """
     value = ca.fmax(ca.fmin(value, knots[-1]), knots[0])
     rises, bends = rises_and_bends(knots, heights)

@@ -1,4 +1,4 @@
-"""A torque that lags, without a name: a part of it comes late, whatever the reason, as in `nonparametric_curve`."""
+"""Non-parametric lag: a low pass delays a part of the torque, for whatever reason, as in `nonparametric_curve`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from plant.effects.nonparametric_curve import Nonparametric
 
 @dataclass(frozen=True, kw_only=True)
 class LaggedTorque(Nonparametric):
-    """A part of the torque passes a low pass. With all of it this is a lag, with little of a long one it creeps."""
+    """A part of the torque passes a low pass: all of it gives a lag, a small part of a long one gives creep."""
 
     name = "lagged_torque"
     title = "torque that lags"
@@ -28,16 +28,16 @@ class LaggedTorque(Nonparametric):
     advance, mean, settling_time = ActuatorLag.advance, ActuatorLag.mean, ActuatorLag.settling_time
 
     def lateness(self) -> Expression:
-        """That of the part that lags."""
+        """Mean delay of the torque by the part that lags."""
         return self.part * self.time_constant
 
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
-        """What lags, and the rest."""
+        """The lagged part plus the rest."""
         return torque + self.part * (state - torque)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The lagged torque less the torque, for lags from a part of a sample to some tens of them."""
+        """The lagged torque less the torque, for lags from a part of a sample to some tens of samples."""
         samples = (0.3, 1.0, 3.0, 10.0, 30.0)
         for lag in (n * motion.sample_time for n in samples):
             yield Trace(

@@ -1,4 +1,4 @@
-"""Load-dependent friction: the more torque a gear passes on, the more it takes for itself."""
+"""Load-dependent friction: friction of a gear that grows with the transmitted torque."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ class LoadDependentFriction(Effect):
     coefficient: float = parameter("-", "friction per torque mu", lower=0.0, upper=1.0)
 
     def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
-        """The same in both directions."""
+        """The same level in both directions."""
         level = self.coefficient * ca.fabs(at.torque)
         return level, level
 
     def plausible(self, log: Covered) -> bool:
-        """A gear that takes more than half of the torque locks itself: the load cannot drive it."""
+        """A gear that loses more than half of the torque is self-locking: the load cannot drive it."""
         return self.coefficient <= 0.5
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The size of the torque, against the motion."""
+        """The magnitude of the torque, against the motion."""
         yield Trace(
             columns=-(np.abs(motion.arriving(motion.torque)) * motion.sign)[:, None],
             positive=(True,),

@@ -1,4 +1,4 @@
-"""What an effect on the load can see at one instant."""
+"""The variables of an effect on the load at one instant."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ Expression: TypeAlias = Any  # a float, an array, or a CasADi SX while equations
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """What an effect on the load can see at one instant of an integration step, in numbers or symbols.
+    """The variables of an effect on the load, at one instant of an integration step, in numbers or symbols.
 
     Attributes:
         angle, velocity: of the load [rad, rad/s].
-        torque: what arrives at the load behind actuator and drivetrain [N m].
+        torque: torque at the load, after actuator and drivetrain [N m].
         time: on the log's clock [s].
         travel: of the load since the step began [rad].
         step: length of the step [s].

@@ -1,4 +1,4 @@
-"""The motion of a fitted model along a log, for effects to say how they would show in it."""
+"""The motion of a fitted model along a log, from which effects compute their signatures."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = Literal["torque", "reading"]
-"""What a cause adds to: the torque on the load, or the reading."""
+"""Where an effect adds: to the torque on the load, or to the measurement."""
 TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, kw_only=True)
 class Covered:
-    """What a log covers.
+    """Range of a log.
 
     Attributes:
         low, high: least and greatest angle of the load [rad].
         speed: typical [rad/s].
         duration: of the longest run [s].
-        inertia: of the load, by the model at hand [N m s^2/rad].
-        turn: of the load [rad]; 0 on a linear axis, which has none.
-        ways: how far the load goes, forth and back, before an instant [s] and after it [rad].
+        inertia: of the load, by the present model [N m s^2/rad].
+        turn: of the load [rad]; 0 on a linear axis.
+        ways: path length of the load, in both directions, before an instant [s] and after it [rad].
     """
 
     low: float
@@ -44,27 +44,27 @@ class Covered:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """What a fitted model did over one log, for an effect to say how its trace would look.
+    """Motion of a fitted model along one log, from which an effect computes its signature.
 
     Attributes:
         time: (T,) [s].
         angle: (T,) filtered load angle [rad].
         velocity: (T,) filtered load velocity [rad/s].
         acceleration: (T,) of the model [rad/s^2].
-        command: (T,) as the log has it: a torque, or servo gain times goal [N m].
-        servo_gain: (T,) fall of the drive's torque with the angle [N m/rad]; 0 where the log gives the torque.
+        command: (T,) as in the log: a torque, or servo gain times set-point [N m].
+        servo_gain: (T,) decrease of the drive's torque with the angle [N m/rad]; 0 where the log gives the torque.
         torque: (T,) torque command after the drive's law [N m].
-        score: (T, S) how much a load torque at each sample would improve the fit: half the squared innovations that it
-            would take away, per N m [rad^2/(N m)]; by each of S views of what else there is.
-        reading_score: (T, S) the same for an error of the reading at each sample, per rad [rad^2/rad].
+        score: (T, S) improvement of the fit by a load torque at each sample: reduction of half the squared innovations,
+            per N m [rad^2/(N m)]; for each of S assumptions on the rest of the model.
+        reading_score: (T, S) the same for a measurement error at each sample, per rad [rad^2/rad].
         chance: the first of both scores (T, M) for M draws of white noise in place of the innovations; by default there
             are none.
         run: (T,) index of the run of each sample.
         inertia: J of the fitted model [N m s^2/rad].
         velocity_resolution: velocity below which its sign is not known [rad/s].
-        law: torque (T,) that the drive gives for a command (T,), at the measured angle [N m].
-        arriving: what of a torque (T,) behind the drive's law arrives at the load (T,), by the model at hand [N m].
-        turn: of the load [rad]; 0 on a linear axis, which has none.
+        law: torque (T,) of the drive's law for a command (T,), at the measured angle [N m].
+        arriving: torque at the load (T,) for a torque (T,) after the drive's law, by the present model [N m].
+        turn: of the load [rad]; 0 on a linear axis.
     """
 
     time: Array
@@ -85,7 +85,7 @@ class Motion:
     turn: float = TURN
 
     def scores(self, acts_on: Place) -> tuple[Array, Array]:
-        """The scores (T, S) of what acts there, and those (T, M) that chance has."""
+        """The scores (T, S) of an effect on the torque or the measurement, and those (T, M) of white noise."""
         place = ("torque", "reading").index(acts_on)
         score = (self.score, self.reading_score)[place]
         return score, self.chance()[place] if self.chance is not None else np.empty((len(score), 0))
@@ -101,9 +101,10 @@ class Motion:
         return np.tanh(self.velocity / self.velocity_resolution)
 
     def visible(self, columns: Array, acts_on: Place = "torque") -> Array:
-        """(m,) coefficients with which the columns (T, m) of a trace show: each half as much as the one before.
+        """(m,) coefficients at which the columns (T, m) of a signature are visible, each half of the one before.
 
-        The first by a tenth of the rms torque, or as an error of the reading by a fiftieth of the angle's spread.
+        The first one gives a tenth of the rms torque, or a measurement error of a fiftieth of the angle's standard
+        deviation.
         """
         level = 0.1 * np.sqrt(np.mean(self.torque**2)) if acts_on == "torque" else 0.02 * np.std(self.angle)
         rms = np.sqrt(np.mean(columns**2, axis=0))
@@ -111,5 +112,5 @@ class Motion:
         return np.asarray(level * np.divide(share, rms, out=np.zeros_like(rms), where=rms > 0.0))
 
     def by_run(self, follow: Callable[[NDArray[np.intp]], Array]) -> Array:
-        """(T, ...) what `follow` gives for the samples of each run, one run after the other."""
+        """(T, ...) concatenated results of `follow` for the samples of each run."""
         return np.concatenate([follow(np.flatnonzero(self.run == run)) for run in np.unique(self.run)])

@@ -1,4 +1,4 @@
-"""All that a model may carry without a name: curves, laws whose size varies, hysteresis, lag and ripples."""
+"""All non-parametric effects of a model: curves, laws whose size varies, hysteresis, lag and ripples."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from plant.effects.ripple import ripples
 
 _CURVES = (CurveOverVelocity, FrictionOverVelocity, CurveOverAngle, CurveOverTorque, CurveOverTime)
 plain: Mapping[str, type[Curve]] = MappingProxyType({curve.name: curve for curve in _CURVES})
-"""A torque over one variable, by name."""
+"""Curves of a torque over one variable, by name."""
 
 unnamed: Mapping[str, type[Nonparametric]] = MappingProxyType(
     {**plain, **varying, Hysteresis.name: Hysteresis, LaggedTorque.name: LaggedTorque, **ripples}
 )
-"""All of them, by name."""
+"""All non-parametric effects, by name."""
 
 of_reading = frozenset(name for name, kind in unnamed.items() if kind.stage is Stage.SENSOR)
-"""Those of them that are errors of the measurement."""
+"""Names of those that are measurement errors."""

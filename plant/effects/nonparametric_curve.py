@@ -1,6 +1,6 @@
-"""A torque without a name: a curve over one variable, carried so that its gain is had before its cause is known.
+"""Non-parametric torque: a curve over one variable, which improves a model before its physical cause is known.
 
-These are no causes and not in the catalogue; a diagnosis adds one where it answers `unknown`.
+These effects are not physical causes and not in the catalogue; a diagnosis adds one when its answer is `unknown`.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 KNOTS = 9
 HEIGHTS = tuple(f"c{k}" for k in range(KNOTS))
-_REACH = 2.5  # knots over which a curve keeps its course
-_DENSE = 0.05  # share of the range of velocity, about zero, within which the knots lie densest
+_REACH = 2.5  # correlation length of a curve, in knots
+_DENSE = 0.05  # fraction of the velocity range, about zero, with the densest knots
 
 
 def smooth(knots: int, *, closed: bool = False) -> Array:
-    """(knots, knots) covariance of the knots before anything is seen; `closed` if the last is beside the first."""
+    """(knots, knots) prior covariance of the knots; `closed` if the last is next to the first."""
     apart = np.subtract.outer(np.arange(knots), np.arange(knots))
     turns = knots * np.arange(-2, 3) if closed else (0,)
     return np.asarray(sum(np.exp(-0.5 * ((apart + turn) / _REACH) ** 2) for turn in turns) + 1e-6 * np.eye(knots))
@@ -34,7 +34,7 @@ def smooth(knots: int, *, closed: bool = False) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Nonparametric(Effect):
-    """Base of what has no name, only variables on which it depends."""
+    """Base of the non-parametric effects, defined only by the variables on which they depend."""
 
     variables: ClassVar[tuple[str, ...]]
     size: ClassVar[str] = "{torque}"
@@ -42,21 +42,21 @@ class Nonparametric(Effect):
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
-        """The parameters, the coefficients in the unit that they have here."""
+        """The parameters, with the coefficients in the unit `size`."""
         return tuple(replace(spec, unit=spec.unit.replace("{size}", cls.size)) for spec in super().parameters())
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Names of the parameters that are not fitted beside it: of its own, and of the model if it could be those."""
+        """Names of parameters that are not fitted with it: its own range, and model parameters collinear with it."""
         return ()
 
     @classmethod
     def beside(cls, model: ServoModel) -> bool:
-        """Whether it makes sense beside a model."""
+        """Whether it can be added to a model."""
         return model.axis in cls.axes and model.effect(cls.name) is None
 
     def begun(self) -> Self:
-        """Where a fit begins, if a regression suggests this."""
+        """Start of a fit, from the values of a regression."""
         return self
 
 
@@ -84,7 +84,7 @@ class Curve(Nonparametric):
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Where the knots are is not fitted."""
+        """The range of the knots is not fitted."""
         return (f"{cls.name}.low", f"{cls.name}.high")
 
     @classmethod
@@ -96,17 +96,17 @@ class Curve(Nonparametric):
     def course(
         cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
     ) -> Expression:
-        """The curve of given heights (9,) at a value."""
+        """The curve with given heights (9,) at a value."""
         return interpolated(value, cls.knots(low, high), heights)
 
     @classmethod
     def hats(cls, values: Array, low: float, high: float) -> Array:
-        """(T, 9) how much each knot counts at each of the values (T,)."""
+        """(T, 9) weight of each knot at each of the values (T,)."""
         hats = _hats(cls)
         return hats((), values[:, None], np.array([low, high]))[1][0]
 
     def height(self, at: Moment) -> Expression:
-        """Of the curve at the load's variable."""
+        """Height of the curve at the load's variable."""
         return self.course(getattr(at, self.over), self.low, self.high, self.values[2 : 2 + KNOTS])
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
@@ -125,12 +125,12 @@ class Curve(Nonparametric):
             )
 
     def begun(self) -> Self:
-        """Flat: a regression's heights are the best once all else has moved; before it has, far worse than none."""
+        """Flat: the heights of a regression are good only after the other parameters have been fitted."""
         return replace(self, **dict.fromkeys(HEIGHTS, 0.0))
 
     @classmethod
     def reach(cls, motion: Motion) -> tuple[float, float]:
-        """The ends between which the knots lie."""
+        """The ends of the range of the knots."""
         low, high = np.quantile(cls.along(motion), [0.005, 0.995])
         return float(low), float(high)
 
@@ -141,7 +141,7 @@ class Curve(Nonparametric):
 
     @classmethod
     def factor(cls, motion: Motion) -> Array:
-        """(T,) by what the curve is multiplied to be a torque on the load."""
+        """(T,) factor from the curve to a torque on the load."""
         return np.ones_like(motion.time)
 
 
@@ -156,12 +156,12 @@ def _hats(kind: type[Curve]) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverVelocity(Curve):
-    """Over velocity, with most knots where friction changes: near zero; outside, it goes on as against the motion.
+    """Over velocity, with most knots near zero, where friction changes; extrapolated as friction.
 
-    Friction is much the same in both directions: where one was seen at higher speeds, that tells more of the other than
-    a straight line does. Beyond both, and from a load that went one way only to the other, it goes on by the mean slope
-    at its ends, the farther of which counts for more: what is viscous in it belongs to the viscous friction of the
-    model, and flat ends would take some of that away.
+    Friction is similar in both directions. If higher speeds were measured in one direction only, the curve of that
+    direction is mirrored for the other. Beyond both, and between zero and a range that covers one direction only, the
+    curve continues with the mean slope at its ends, weighted by their squared distance from zero: its viscous part
+    belongs to the viscous friction of the model, and flat ends would absorb some of that.
     """
 
     name = "curve_over_velocity"
@@ -171,17 +171,17 @@ class CurveOverVelocity(Curve):
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Also viscous friction, which is itself such a curve."""
+        """Also viscous friction, which is a special case of the curve."""
         return (*super().shape(), "viscous_friction")
 
     @classmethod
     def beside(cls, model: ServoModel) -> bool:
-        """One of the kind, with dry friction or without, is enough."""
+        """Only one curve over velocity, with or without dry friction."""
         return super().beside(model) and not any(isinstance(effect, CurveOverVelocity) for effect in model.effects)
 
     @classmethod
     def knots(cls, low: Expression, high: Expression) -> list[Expression]:
-        """Evenly over asinh of the velocity."""
+        """Equally spaced over asinh of the velocity."""
         scale = _DENSE * (high - low)
         inner = super().knots(*(ca.asinh(end / scale) for end in (low, high)))[1:-1]
         return [low, *(scale * ca.sinh(place) for place in inner), high]
@@ -190,7 +190,7 @@ class CurveOverVelocity(Curve):
     def course(
         cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
     ) -> Expression:
-        """As of a curve; outside, with its course in the other direction, and beyond that too, in a straight line."""
+        """Inside as for any curve; outside mirrored from the other direction, and beyond that linear."""
         knots = cls.knots(low, high)
 
         def within(at: Expression) -> Expression:
@@ -201,12 +201,12 @@ class CurveOverVelocity(Curve):
         slope = (low**2 * first + high**2 * last) / (low**2 + high**2)
         farther = ca.fmax(-low, high)
         beyond = value - ca.fmax(ca.fmin(value, farther), -farther)
-        slowest = ca.fmax(low, 0) + ca.fmin(high, 0)  # that was seen, where the load went one way only
+        slowest = ca.fmax(low, 0) + ca.fmin(high, 0)  # in the log, if in one direction only
         between = ca.fmax(ca.fmin(value, ca.fabs(slowest)), -ca.fabs(slowest)) - slowest
         above, below = value > high, value < low
         outside = ca.logic_or(above, below)
         at_the_end = above * (heights[-1] + within(-high)) + below * (heights[0] + within(-low))
-        sign = 1 - 2 * outside  # outside, the course of the other direction is turned round
+        sign = 1 - 2 * outside  # outside, the mirrored curve of the other direction
         return at_the_end + sign * within(sign * value) + slope * (beyond + between)
 
 
@@ -222,13 +222,13 @@ class CurveOverAngle(Curve):
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Also gravity, which is itself such a curve."""
+        """Also gravity, which is a special case of the curve."""
         return (*super().shape(), "gravity")
 
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverTorque(Curve):
-    """Over the torque that arrives at the load."""
+    """Over the torque at the load."""
 
     name = "curve_over_torque"
     title = "curve over torque"
@@ -237,13 +237,13 @@ class CurveOverTorque(Curve):
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Also the inertia: beside a free curve of the torque only something of known size holds the scale."""
+        """Also the inertia: with a free curve over the torque, only a fixed inertia defines the scale."""
         return (*super().shape(), "inertia")
 
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverTime(Curve):
-    """Over time on the log's clock; nothing of its course holds afterwards, and so nothing is left without a clock."""
+    """Over time on the log's clock; it is not valid after the log, so nothing remains without a clock."""
 
     name = "curve_over_time"
     title = "curve over time"

@@ -1,4 +1,4 @@
-"""A physical parameter: its name, its unit on a rotary or linear axis, and the values that make sense."""
+"""A physical parameter: its name, its unit on a rotary or linear axis, and its admissible values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from plant.number import finite
 Axis: TypeAlias = Literal["rotary", "linear"]
 
 POSITIVE = 1e-30
-"""Lower bound of what is more than zero: in no unit does a machine come near it."""
+"""Lower bound of a positive parameter, far below any machine's value in any unit."""
 
 _UNITS = {"rotary": {"torque": "N m", "angle": "rad"}, "linear": {"torque": "N", "angle": "m"}}
 _MASSES = {"N m s^2/rad": "kg m^2", "N s^2/m": "kg"}
@@ -23,19 +23,19 @@ _PER_ANGLE = {
     "{torque} s/{angle}": "s",
     "{torque}/{angle}": "-",
     "{torque}/{angle}^3": "1/{angle}^2",
-}  # of what stands for the torque where it is counted in the angle of a position servo's error
+}  # unit of a parameter whose torque is counted in the angle of a position servo's error
 
-_LONGEST_LAG = 0.1  # of a log
+_LONGEST_LAG = 0.1  # fraction of a log
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One physical parameter: what it means, its unit and the values that make sense.
+    """One physical parameter: its meaning, its unit and its admissible values.
 
-    `unit` is written in terms of {torque} and {angle}, so that it reads N and m on a linear axis. An `instant` is on
-    the log's clock: a log says nothing of one outside it. Nor does it say anything of a `swing` that is faster than its
-    samples can follow or slower than itself, of a `lag` that is not much shorter than itself, or of what is not
-    `fitted` but stated.
+    `unit` is written in terms of {torque} and {angle}, so that it becomes N and m on a linear axis. A log only
+    determines: an `instant` (on the log's clock) within it; a `swing` (angular frequency) that is slow enough for its
+    samples and fast enough for its duration; a `lag` that is much shorter than the log; and nothing about a parameter
+    that is not `fitted` but given.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Parameter:
 
         Args:
             axis: of the model.
-            torque_unit: what stands in the torque's place, such as "V" where its scale is unknown.
+            torque_unit: unit that replaces that of the torque, such as "V" where its scale is unknown.
         """
         names = dict(_UNITS[axis])
         if torque_unit is None:
@@ -63,7 +63,7 @@ class Parameter:
         return unit.format(**{**names, "torque": torque_unit})
 
     def bounds(self, first: float, last: float, sample_time: float) -> tuple[float, float]:
-        """Least and greatest value that a log can tell, from its first and last instant and its sample time [s]."""
+        """Bounds of values that a log can determine, from its first and last instant and its sample time [s]."""
         if self.instant:
             return first, last
         if self.swing:
@@ -92,7 +92,7 @@ def parameter(
     fitted: bool = True,
     default: Any = MISSING,
 ) -> Any:
-    """A dataclass field that carries its `Parameter`; the field's name becomes the parameter's."""
+    """A dataclass field with its `Parameter` as metadata; the field's name becomes the parameter's."""
     metadata = {
         "unit": unit,
         "meaning": meaning,
@@ -107,7 +107,7 @@ def parameter(
 
 
 def fastest_swing(sample_time: float) -> float:
-    """The fastest swing that is looked for in a log [rad/s]: two radians a sample, of the three that it can show."""
+    """Highest angular frequency searched in a log [rad/s]: two radians a sample, below the Nyquist limit of pi."""
     return 2.0 / sample_time
 
 
@@ -122,6 +122,6 @@ def _of_kind(kind: Any) -> tuple[Parameter, ...]:
 
 
 def within(value: float, owner: type, name: str, *, floor: float = 0.0) -> float:
-    """`value` moved inside the bounds of a parameter, at least `floor` when the bound is below: a usable start."""
+    """`value` clipped to the bounds of a parameter, and at least `floor` where the bound is below: a usable start."""
     spec = next(s for s in parameters_of(owner) if s.name == name)
     return float(min(max(value, spec.lower, floor), spec.upper))

@@ -1,8 +1,8 @@
 """A law whose size varies: friction, damping, torque or weight times a curve over another variable.
 
-Laws that depend on two variables at once are mostly of this kind: friction that changes with the place or the load, a
-torque of which more arrives here than there. Without a name, as `nonparametric_curve` (Hastie and Tibshirani 1993 on
-varying coefficients).
+Most laws of two variables are of this kind: friction that changes with position or load, a torque transmission that
+changes with position. They are non-parametric, as in `nonparametric_curve` (Hastie and Tibshirani 1993 on varying
+coefficients).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from plant.effects.nonparametric_curve import HEIGHTS, KNOTS, Curve, smooth
 
 @dataclass(frozen=True, kw_only=True)
 class OverTurn(Curve):
-    """Over one turn of the load, which a load that makes several comes through again and again."""
+    """A curve over one turn of the load, for a load that makes several turns."""
 
     over = "angle"
     prior = smooth(KNOTS, closed=True)
@@ -32,14 +32,14 @@ class OverTurn(Curve):
     def course(
         cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
     ) -> Expression:
-        """As of a curve, the last knot beside the first."""
+        """A periodic curve, the last knot next to the first."""
         turns = (value - low) / (high - low)
         around = range(-1, KNOTS + 2)
         return interpolated((turns - ca.floor(turns)) * KNOTS, around, [heights[k % KNOTS] for k in around])
 
     @classmethod
     def reach(cls, motion: Motion) -> tuple[float, float]:
-        """One turn, if the load makes more."""
+        """One turn, if the load makes more than one."""
         return 0.0, 2.0 * np.pi if np.ptp(motion.angle) > 2.0 * np.pi else 0.0
 
 
@@ -50,16 +50,16 @@ class VaryingFriction(Curve):
     equation = r"\tau_u \in -\max(0, f(\cdot))\,\mathrm{sgn}(\dot x)"
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """None that is smooth."""
+        """No smooth torque."""
         return 0.0
 
     def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
-        """As high as the curve."""
+        """As high as the curve, at least zero."""
         level = ca.fmax(self.height(at), 0)
         return level, level
 
     def begun(self) -> Self:
-        """Lifted until none is below zero, where it would do nothing; a friction that does not vary gives way."""
+        """Raised until no height is negative, where it has no influence; a constant friction compensates for it."""
         least = min(0.0, *(getattr(self, name) for name in HEIGHTS))
         return replace(self, **{name: getattr(self, name) - least for name in HEIGHTS})
 
@@ -71,7 +71,7 @@ class VaryingFriction(Curve):
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionOverAngle(VaryingFriction):
-    """Friction that changes with the place."""
+    """Friction that changes with the position."""
 
     name = "friction_over_angle"
     title = "friction that varies with the angle"
@@ -90,7 +90,7 @@ class FrictionOverTurn(OverTurn, VaryingFriction):
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionOverTorque(VaryingFriction):
-    """Friction that changes with the torque that arrives."""
+    """Friction that changes with the torque at the load."""
 
     name = "friction_over_torque"
     title = "friction that varies with the torque"
@@ -118,7 +118,7 @@ class VaryingDamping(Curve):
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Also the damping that does not vary."""
+        """Also the constant damping."""
         return (*super().shape(), "viscous_friction")
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
@@ -133,7 +133,7 @@ class VaryingDamping(Curve):
 
 @dataclass(frozen=True, kw_only=True)
 class DampingOverAngle(VaryingDamping):
-    """Damping that changes with the place."""
+    """Damping that changes with the position."""
 
     name = "damping_over_angle"
     title = "damping that varies with the angle"
@@ -163,29 +163,29 @@ class DampingOverTime(VaryingDamping):
 
 @dataclass(frozen=True, kw_only=True)
 class VaryingTorque(Curve):
-    """A share of the torque that arrives more, or less; the curve is that share."""
+    """A torque in proportion to the torque at the load; the curve is the factor."""
 
     equation = r"\tau_u = f(\cdot)\,\tau_l"
     size = "-"
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Also the inertia, which a constant share would scale."""
+        """Also the inertia, which a constant factor would scale."""
         return (*super().shape(), "inertia")
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """The share of the torque."""
+        """The factor times the torque."""
         return self.height(at) * at.torque
 
     @classmethod
     def factor(cls, motion: Motion) -> Array:
-        """The torque that arrives."""
+        """The torque at the load."""
         return motion.arriving(motion.torque)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueOverAngle(VaryingTorque):
-    """A torque of which more arrives here than there."""
+    """A torque factor that changes with the position."""
 
     name = "torque_over_angle"
     title = "torque whose share varies with the angle"
@@ -195,7 +195,7 @@ class TorqueOverAngle(VaryingTorque):
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueOverTurn(OverTurn, VaryingTorque):
-    """A share that repeats with each turn: a ratio that is not constant."""
+    """A torque factor that repeats with each turn: a transmission ratio that is not constant."""
 
     name = "torque_over_turn"
     title = "torque whose share varies over a turn"
@@ -204,7 +204,7 @@ class TorqueOverTurn(OverTurn, VaryingTorque):
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueOverTime(VaryingTorque):
-    """A torque of which more arrives now than then."""
+    """A torque factor that changes in time."""
 
     name = "torque_over_time"
     title = "torque whose share varies in time"
@@ -215,7 +215,7 @@ class TorqueOverTime(VaryingTorque):
 
 @dataclass(frozen=True, kw_only=True)
 class GravityOverTime(Curve):
-    """A weight that changes in time."""
+    """A gravity torque that changes in time."""
 
     name = "gravity_over_time"
     title = "weight that varies in time"
@@ -227,16 +227,16 @@ class GravityOverTime(Curve):
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Also the weight that does not vary."""
+        """Also the constant gravity."""
         return (*super().shape(), "gravity")
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """As gravity in eq. (4)."""
+        """Counted like gravity in eq. (4)."""
         return -self.height(at) * ca.cos(at.angle)
 
     @classmethod
     def factor(cls, motion: Motion) -> Array:
-        """As gravity in eq. (4)."""
+        """Counted like gravity in eq. (4)."""
         return -np.cos(motion.angle)
 
 

@@ -1,4 +1,4 @@
-"""Payload change: something is picked up or put down."""
+"""Payload change: a load is picked up or put down."""
 
 from __future__ import annotations
 
@@ -15,16 +15,20 @@ if TYPE_CHECKING:
     from plant.servo import ServoModel
 
 _TIMES = 40
-_SEEN = 0.1  # of the travel, over which each of the two loads has to move
-_APART = (0.3, 0.1, 0.03)  # seconds between instants that look alike: a servo turns back in a few of the first
-_ALIKE = (8, 3, 3)  # of them on each side
+_SEEN = 0.1  # fraction of the travel that each of the two loads has to cover
+_APART = (
+    0.3,
+    0.1,
+    0.03,
+)  # seconds between similar instants, by stage; a servo reverses in a few of the first
+_ALIKE = (8, 3, 3)  # number of instants on each side, by stage
 
 
 @dataclass(frozen=True, kw_only=True)
 class PayloadChange(Effect):
-    """Inertia and gravity that are different from an instant on.
+    """Inertia and gravity that change at an instant.
 
-    The change is spread over one integration step around its instant, so that the instant has a derivative.
+    The change is spread over one integration step around its instant, so that a derivative by the instant exists.
     """
 
     name = "payload_change"
@@ -46,19 +50,19 @@ class PayloadChange(Effect):
         return ca.fmax(ca.fmin((at.time - self.time) / ca.fmax(at.step, 1e-15) + 0.5, 1), 0)
 
     def added_inertia(self, at: Moment) -> Expression:
-        """From the instant on."""
+        """The change, from the instant on."""
         return self.inertia * self._after(at)
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """The gravity of what has come."""
+        """Gravity of the change."""
         return -self.gravity * self._after(at) * ca.cos(at.angle)
 
     def plausible(self, log: Covered) -> bool:
-        """Both loads are seen to move; what ends before that was a beginning, as of a gap that was not yet closed."""
+        """Whether the load moves before and after the instant; a change at the start may be an initial transient."""
         return bool(min(log.ways(self.time)) > _SEEN * log.travel)
 
     def similar_shapes(self, stage: int) -> tuple[PayloadChange, ...]:
-        """Instants before and after: whatever the load did in between has a peak of its own."""
+        """Instants before and after; the likelihood has separate peaks for the motions in between."""
         steps = _APART[stage] * np.arange(1, _ALIKE[stage] + 1)
         return tuple(replace(self, time=float(self.time + step)) for step in (*-steps[::-1], *steps))
 

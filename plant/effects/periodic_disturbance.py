@@ -1,4 +1,4 @@
-"""Periodic disturbance: a torque that repeats in time, whatever the load does."""
+"""Periodic disturbance: a torque that repeats in time, independent of the motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_o
 class PeriodicDisturbance(Effect):
     """A sine over time: a fan, the mains, a neighbouring machine.
 
-    Nothing of it is left without the log's clock, which knows the phase.
+    Without the log's clock its phase is unknown, and it is left out.
     """
 
     name = "periodic_disturbance"
@@ -38,17 +38,17 @@ class PeriodicDisturbance(Effect):
         return self.amplitude * ca.sin(2 * np.pi * self.frequency * at.time + self.phase)
 
     def plausible(self, log: Covered) -> bool:
-        """Two periods were seen; else it is a torque that drifts."""
+        """Whether the log covers two periods; otherwise it is a torque drift."""
         return self.frequency * log.duration >= 2.0
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at the frequencies that would improve the fit most, if the motion does not repeat in them."""
+        """Sine and cosine at the frequencies that would improve the fit most, unless the motion repeats with them."""
         rates, searched = lines_over_time(motion)
         return (cls._at(rate, motion, searched) for rate in rates)
 
     def closer(self, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at frequencies next to its own."""
+        """Sine and cosine at neighbouring frequencies."""
         return (self._at(rate, motion) for rate in closer(motion.time, 2.0 * np.pi * self.frequency))
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Presliding hysteresis: a contact gives like a spring before it slides."""
+"""Presliding hysteresis: a contact deforms like a spring before it slides."""
 
 from __future__ import annotations
 
@@ -54,24 +54,25 @@ class PreslidingHysteresis(Effect):
         return level + (state - level) * ca.exp(-ca.fabs(travel) * self.stiffness / self.torque)
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """Against the motion that built it up."""
+        """Against the motion that has built it up."""
         return -self.slide(state, at.travel)
 
     def reduced(self) -> tuple[Effect, ...]:
-        """Where it gives way at once it is Coulomb friction."""
+        """With a very stiff contact it is Coulomb friction."""
         return (CoulombFriction(torque=self.torque),)
 
     def vanishes(self, speed: float, sample_time: float) -> bool:
-        """Passed in a tenth of a millisecond the travel to slide is no spring; of more than a second, nothing else.
+        """Whether the time to pass the sliding travel is below a tenth of a millisecond or above a second.
 
-        That is in a log of 200 samples a second; of another both times are as many samples.
+        Below, the contact is rigid; above, it is a spring that never slides. The times hold for a log of 200 samples a
+        second; at other rates they are as many samples.
         """
         second = 200.0 * sample_time
         return not 1e-4 * second * speed <= self.torque / self.stiffness <= second * speed
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The loop for travels to slide from a hundredth of a sample's travel to a quarter of the range."""
+        """The loop, for sliding travels from a part of a sample's travel to a quarter of the range."""
         loops = list(remembered(motion))
         least = 1e-6 * float(np.sqrt(np.mean(motion.torque**2)))
         for travel, loop in loops:
@@ -87,7 +88,7 @@ class PreslidingHysteresis(Effect):
 
 
 def remembered(motion: Motion) -> Iterator[tuple[float, Array]]:
-    """Ways to forget, from a part of a sample's travel to a quarter of the range, and (T,) `slid` along a motion."""
+    """Memory lengths, from a part of a sample's travel to a quarter of the range, and (T,) `slid` along a motion."""
     typical = float(np.quantile(np.abs(motion.velocity), 0.9)) * motion.sample_time
     reach = float(np.ptp(motion.angle))
     if typical > 0.0 and reach > 0.0:
@@ -97,20 +98,20 @@ def remembered(motion: Motion) -> Iterator[tuple[float, Array]]:
 
 
 def slid(state: Expression, travel: Expression, way: Expression) -> Expression:
-    """Dahl's friction over its level, between -1 and 1, after a travel in one direction; it forgets over a `way`."""
+    """Dahl's friction over its level, between -1 and 1, after a travel in one direction, with memory length `way`."""
     direction = ca.sign(travel)
     return direction + (state - direction) * ca.exp(-ca.fabs(travel) / way)
 
 
 def _memories(angle: Array, travels: Array) -> Array:
-    """(T, S) `slid` along an angle (T,) for each way to forget (S,), as the mean over each sample."""
+    """(T, S) `slid` along an angle (T,) for each memory length (S,), as the mean over each sample."""
     travelled = np.diff(angle, append=angle[-1])[:, None]
     return _contacts(travels.size)((np.zeros(travels.size),), travelled, travels)[1][0]
 
 
 @recursion(carried=1)
 def _contacts(count: int) -> Any:
-    """Several contacts side by side, and the mean of each over a sample."""
+    """Several contacts in parallel, and the mean of each over a sample."""
     force, travels, travelled = ca.SX.sym("force", count), ca.SX.sym("travels", count), ca.SX.sym("travelled")
     after = slid(force, travelled, travels)
     outputs = [after, 0.5 * (force + after)]

@@ -1,4 +1,4 @@
-"""A ramp: what enters is followed with a limited slope."""
+"""A ramp: the state follows the input with a limited slope."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ import numpy as np
 from plant.built_once import recursion
 from plant.effects.effect import Array, Effect, Expression, Motion, Trace
 
-_SAMPLES = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # in which a rate that is tried crosses the whole range
+_SAMPLES = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # samples in which the candidate rates cross the whole range
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ramp(Effect):
-    """An effect whose state follows what enters it by at most `rate` a second; the unit is its own."""
+    """An effect whose state follows its input by at most `rate` per second, in the unit of the input."""
 
     rate: float
 
     def advance(self, state: Expression, torque: Expression, h: Expression) -> Expression:
-        """A ramp towards what enters."""
+        """A ramp towards the input."""
         reach = self.rate * h
         return state + ca.fmax(ca.fmin(torque - state, reach), -reach)
 
     def settling_time(self, state: Expression, command: Expression) -> Expression:
-        """Until the ramp ends."""
+        """Time until the ramp ends."""
         return ca.fabs(command - state) / self.rate
 
     def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
-        """Exact mean of the ramp and of what comes behind it."""
+        """Exact mean of the ramp and of the constant after it."""
         reach = self.rate * h
-        share = ca.fmin(ca.fabs(torque - state) / ca.fmax(reach, 1e-30), 1)  # of the time that is spent on the ramp
+        share = ca.fmin(ca.fabs(torque - state) / ca.fmax(reach, 1e-30), 1)  # fraction of the time on the ramp
         return state + (self.advance(state, torque, h) - state) * (1 - share / 2)
 
     @classmethod
     def ramps(cls, motion: Motion, wanted: Array, command: Callable[[Array], Array]) -> Iterator[Trace]:
-        """Traces for rates that cross the range in 2 to 150 samples: the drive's torque behind the ramp less without.
+        """Signatures for rates that cross the range in 2 to 150 samples: torque with the ramp less torque without.
 
         Args:
             motion: of the fitted model.
-            wanted: (T,) what enters the ramp.
-            command: the drive's command (T,) for what leaves it (T,) [N m].
+            wanted: (T,) input of the ramp.
+            command: the drive's command (T,) [N m] for the output of the ramp (T,).
         """
         span = float(np.ptp(wanted))
         if span <= 0.0:
@@ -61,16 +61,16 @@ class Ramp(Effect):
 
 
 def _followed(wanted: Array, reach: Array) -> Array:
-    """(T, R) mean over each sample of what follows `wanted` (T,) by at most `reach` (R,) a sample."""
+    """(T, R) mean over each sample of a state that follows `wanted` (T,) by at most `reach` (R,) a sample."""
     return _ramps(reach.size)((np.full(reach.size, wanted[0]),), wanted[:, None], reach)[1][0]
 
 
 @recursion(carried=1)
 def _ramps(count: int) -> Any:
-    """Several ramps side by side, and their means over a sample."""
+    """Several ramps in parallel, and their means over a sample."""
     state, reach, wanted = ca.SX.sym("state", count), ca.SX.sym("reach", count), ca.SX.sym("wanted")
     gap = wanted - state
     step = ca.fmax(ca.fmin(gap, reach), -reach)
-    share = ca.fmin(ca.fabs(gap) / reach, 1)  # of the sample that is spent on the ramp
+    share = ca.fmin(ca.fabs(gap) / reach, 1)  # fraction of the sample on the ramp
     outputs = [state + step, state + step * (1 - share / 2)]
     return ca.Function("ramps", [state, wanted, reach], outputs)

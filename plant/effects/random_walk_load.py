@@ -1,6 +1,6 @@
-"""A random-walk load torque: nothing to be named, but noise that a model must not be extended for.
+"""A random-walk load torque: a disturbance without a physical effect, for which a model must not be extended.
 
-It is not in the catalogue. Beside it an observer has a third state, and a simulation nothing at all.
+It is not in the catalogue. An observer gets a third state by it; a simulation ignores it.
 """
 
 from __future__ import annotations
@@ -22,5 +22,5 @@ class RandomWalkLoad(Effect):
     states = (State.RANDOM_WALK,)
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """What the observer has last made of it."""
+        """The observer's present estimate."""
         return at.inertia * state

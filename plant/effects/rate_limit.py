@@ -13,10 +13,10 @@ from plant.effects.ramp import Ramp
 
 @dataclass(frozen=True, kw_only=True)
 class RateLimit(Ramp):
-    """Slew limit of the torque; its state is the command that is played.
+    """Slew limit of the torque; its state is the command after the limit.
 
-    On a position servo the command is gain times goal. There a limit of the goal, `goal_rate_limit`, is the same thing
-    at one gain and holds at several, so this one has no trace in the log of a position servo.
+    The command of a position servo is gain times set-point. There a limit of the set-point, `goal_rate_limit`, is the
+    same at one gain and valid at several, so `rate_limit` has no signature in the log of a position servo.
     """
 
     name = "rate_limit"
@@ -31,6 +31,6 @@ class RateLimit(Ramp):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The limited command less the command; none where there is a goal."""
+        """The limited command less the command; none for a position servo."""
         if not np.any(motion.servo_gain > 0.0):
             yield from cls.ramps(motion, motion.command, lambda limited: limited)

@@ -1,4 +1,4 @@
-"""Whether something returns with the load to the same state, so that nothing tells it from a function of that state."""
+"""Whether a signal recurs with the load's state, so that it cannot be distinguished from a function of that state."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _CELLS = 24  # along the angle and along the velocity
 
 
 def returns_to_its_states(motion: Motion, phasor: NDArray[np.complex128]) -> float:
-    """Mean product of a phasor (T,) on one visit to a state, and its conjugate on another.
+    """Mean product of a phasor (T,) on one visit to a state, and its conjugate on another visit.
 
-    1 where it is the same on all visits, about 0 where it has nothing to do with the state or no state is seen twice.
-    A state is a cell of the plane of angle and velocity; a visit lasts from entering to leaving it.
+    1 if it is the same on all visits, about 0 if it is independent of the state or no state is visited twice. A state
+    is a cell of the plane of angle and velocity; a visit lasts from entering to leaving it.
     """
     across = motion.angle - motion.angle.min(), motion.velocity - motion.velocity.min()
     cells = [np.minimum(_CELLS * x / max(float(x.max()), 1e-300), _CELLS - 1).astype(int) for x in across]

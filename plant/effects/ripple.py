@@ -1,6 +1,6 @@
-"""A ripple of any shape: a Fourier series over angle or time, without a name, as `plant.effects.nonparametric_curve`.
+"""A non-parametric ripple: a Fourier series over angle or time, as `plant.effects.nonparametric_curve`.
 
-The catalogue's waves are single sines. What repeats with teeth, balls or a neighbour's machine seldom is.
+The catalogue's periodic effects are single sines. Ripple of gears, bearings or a neighbouring machine seldom is.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from plant.effects.nonparametric_curve import Nonparametric
 from plant.effects.spectral_lines import lines_over_angle, lines_over_time, waves
 
 HARMONICS = 4
-_PRIOR = np.diag(np.repeat(1.0 / np.arange(1, HARMONICS + 1) ** 2, 2))  # higher ones are smaller
+_PRIOR = np.diag(np.repeat(1.0 / np.arange(1, HARMONICS + 1) ** 2, 2))  # higher harmonics are smaller
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ripple(Nonparametric):
-    """Four harmonics of a fundamental, whose rate is fitted too; their size has the unit of what they add to."""
+    """Four harmonics of a fundamental, whose rate is fitted too; their unit is that of the torque or angle."""
 
     equation = r"f = \sum_{k=1}^{4} a_k \sin(k n s) + b_k \cos(k n s)"
     trace = "order lines and their harmonics"
@@ -40,7 +40,7 @@ class Ripple(Nonparametric):
     c4: float = parameter("{size}", "cosine of harmonic 4", default=0.0)
 
     def height(self, place: Expression) -> Expression:
-        """Of the ripple at a value of its variable."""
+        """The ripple at a value of its variable."""
         turns = [k * self.rate * place for k in range(1, HARMONICS + 1)]
         waves = [wave for turn in turns for wave in (ca.sin(turn), ca.cos(turn))]
         return sum(size * wave for size, wave in zip(self.values[1:], waves, strict=True))
@@ -52,7 +52,7 @@ class Ripple(Nonparametric):
 
     @classmethod
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
-        """Rates of the fundamental worth a try, and how many were looked at."""
+        """Candidate rates of the fundamental, and the number of rates compared."""
         return lines_over_angle(motion)
 
     @classmethod
@@ -109,13 +109,13 @@ class RippleOverTime(Ripple):
 
     @classmethod
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
-        """As of a disturbance that is a single sine."""
+        """As for a disturbance that is a single sine."""
         return lines_over_time(motion)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RippleOfReading(Ripple):
-    """An error of the encoder that repeats with the angle: by the turn of its disc, or faster."""
+    """A measurement error of the encoder that repeats with the angle, once per turn of its disc or faster."""
 
     name = "ripple_of_reading"
     title = "measurement error that repeats with the angle"
@@ -124,12 +124,12 @@ class RippleOfReading(Ripple):
     variables = ("angle",)
 
     def reading(self, angle: Expression, state: Expression) -> Expression:
-        """The angle with its error."""
+        """The angle plus its error."""
         return angle + self.height(angle)
 
     @classmethod
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
-        """One turn, and what an error of the reading would improve most."""
+        """One period per turn, and the rates at which a measurement error would improve the fit most."""
         found, searched = lines_over_angle(motion, "reading")
         return [*([1.0] if motion.turn and np.ptp(motion.angle) > 1.0 else []), *found], searched
 

@@ -1,4 +1,4 @@
-"""Sensor lag: the reading follows the angle late."""
+"""Sensor lag: the measurement lags behind the angle."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from plant.effects.effect import POSITIVE, Effect, Expression, Motion, Stage, St
 
 @dataclass(frozen=True, kw_only=True)
 class SensorLag(Effect):
-    """A first-order filter in the measurement; its state is the reading."""
+    """A first-order filter in the measurement; its state is the measurement."""
 
     name = "sensor_lag"
     title = "sensor lag"
@@ -28,8 +28,8 @@ class SensorLag(Effect):
     def sense(
         self, state: Expression, before: Expression, middle: Expression, after: Expression, h: Expression
     ) -> Expression:
-        """Exact for an angle on a parabola, as of a load under a steady torque."""
-        gone = ca.fmax(h / self.time_constant, 1e-9)  # a switch may leave a step of no length, where all is rounding
+        """Exact for an angle on a parabola, as of a load under a constant torque."""
+        gone = ca.fmax(h / self.time_constant, 1e-9)  # a switch may leave a step of length zero, where all is rounding
         speed, bend = 4 * middle - 3 * before - after, 2 * (before - 2 * middle + after)  # times h and h^2
         trail = (1 - ca.exp(-gone)) / gone
         kept = (state - before) * ca.exp(-h / self.time_constant)
@@ -41,7 +41,7 @@ class SensorLag(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The way that the load makes in a unit of time."""
+        """The velocity of the load."""
         yield Trace(
             columns=-motion.velocity[:, None],
             positive=(True,),

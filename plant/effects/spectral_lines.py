@@ -1,4 +1,4 @@
-"""Lines in a spectrum over angle or time, where a periodic cause would show."""
+"""Spectral lines over angle or time, as candidates for a periodic effect."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from plant.effects.motion import TURN, Array, Motion, Place
 from plant.effects.recurrence import returns_to_its_states
 
-_BY_POWER, _BY_MEASURE = 16, 12  # lines that are tried for their power, and for it in the measure of white noise's
-_ROUNDED = 0.2  # share of the covariance of sine and cosine that is taken to be the same for both
-_BETWEEN = (-0.25, -0.125, 0.125, 0.25)  # of a resolvable line
-_EVEN = 1e-9  # what rounding does to a place on an even grid
-_LONGEST = 4000  # lines that a search may reach
-_ONCE = 0.9  # order below which it is not once a turn, as well as a short travel tells
-_RETURNS = 0.7  # mean agreement of a wave's phases between visits to a state, from which it is taken for the state's
+_BY_POWER, _BY_MEASURE = 16, 12  # number of lines tried by power, and by power relative to white noise
+_ROUNDED = 0.2  # weight of the isotropic part in the covariance of sine and cosine
+_BETWEEN = (-0.25, -0.125, 0.125, 0.25)  # offsets, in resolvable lines
+_EVEN = 1e-9  # rounding error of a place on an even grid
+_LONGEST = 4000  # highest number of lines in a search
+_ONCE = 0.9  # order from which a line counts as one per turn, given the resolution of a short travel
+_RETURNS = 0.7  # mean phase agreement between visits to a state from which a wave counts as a function of the state
 
 
 def lines_over_angle(motion: Motion, acts_on: Place = "torque") -> tuple[list[float], int]:
-    """Orders [rad/rad] at which a ripple over the angle would improve the fit most, and how many were looked at.
+    """Orders [rad/rad] at which a ripple over the angle would improve the fit most, and the number compared.
 
     A period must take more than four samples at typical speed, or it is not resolved.
     """
@@ -31,9 +31,9 @@ def lines_over_angle(motion: Motion, acts_on: Place = "torque") -> tuple[list[fl
 
 
 def lines_over_time(motion: Motion) -> tuple[list[float], int]:
-    """Rates [rad/s] at which a wave in time would improve the fit most, if the motion does not repeat in them.
+    """Rates [rad/s] at which a wave in time would improve the fit most, unless the motion repeats with it.
 
-    Of a repeated motion, a wave that comes back with it is any torque that depends on angle and velocity.
+    If the motion repeats at that rate, the wave cannot be distinguished from a function of angle and velocity.
     """
     highest = 2.0 * np.pi / (4.0 * motion.sample_time)
     rates, searched = strongest_lines(motion.time, *motion.scores("torque"), highest)
@@ -43,12 +43,12 @@ def lines_over_time(motion: Motion) -> tuple[list[float], int]:
 
 
 def is_wave(order: float, travel: float, turn: float) -> bool:
-    """Whether a wave over the angle comes once a turn or more often, or two periods were seen; else it is a bend."""
+    """Whether a wave over the angle has at least one period per turn, or two periods in the log; else it is a trend."""
     return bool(order * turn >= _ONCE * TURN or order * travel >= 2.0 * TURN)
 
 
 def closer(place: Array, rate: float) -> Array:
-    """Rates on both sides of one between which a search does not look: where a load rests, peaks may be that narrow."""
+    """Rates around a given one, between the lines of the search: where a load rests, peaks may be that narrow."""
     apart = 2.0 * np.pi / max(float(np.ptp(place)), 1e-300)
     return np.asarray(rate + apart * np.array(_BETWEEN))
 
@@ -59,28 +59,28 @@ def waves(place: Array, rate: float) -> Array:
 
 
 def as_wave(coefficients: Array) -> tuple[float, float]:
-    """Amplitude and phase [rad] of a sine that sums two `waves`."""
+    """Amplitude and phase [rad] of the sine that is the sum of two `waves`."""
     return float(np.hypot(*coefficients)), float(np.arctan2(coefficients[1], coefficients[0]))
 
 
 def eight_periods(place: Array) -> float:
-    """Rate [rad per unit] of eight periods over the range of a variable (T,); 1 where it has none."""
+    """Rate [rad per unit] of eight periods over the range of a variable (T,); 1 if the range is zero."""
     reach = float(np.ptp(place))
     return 16.0 * np.pi / reach if reach > 0.0 else 1.0
 
 
 def strongest_lines(place: Array, scores: Array, chance: Array, highest: float) -> tuple[list[float], int]:
-    """Frequencies over a variable (T,) at which a wave would improve a fit most, and the number that were looked at.
+    """Frequencies over a variable (T,) at which a wave would improve a fit most, and the number compared.
 
-    A line must complete two periods within the range, or it cannot be told from a trend.
+    A line must complete two periods within the range, or it cannot be distinguished from a trend.
 
-    Where the innovations are white, a wave explains its score's power in the measure of what white noise has there: by
-    the frequency, the phase and the places where the load rests, it moves the reading more or less. Where a model
-    leaves more than noise, the highest power is the better guide. Some lines are tried for either reason.
+    If the innovations are white, a wave is judged by its power relative to that of white noise: the effect of a wave on
+    the measurement depends on its frequency, its phase and the places where the load rests. If the model leaves more
+    than noise, the absolute power is the better criterion. Some lines are tried by either criterion.
 
     Args:
         place: the variable.
-        scores: (T, S) how much a push at each sample would improve the fit, by each of S views of what else there is.
+        scores: (T, S) improvement of the fit by a torque at each sample, for each of S assumptions on the rest.
         chance: (T, M) the first of them for M draws of white noise in place of the innovations; M may be 0.
         highest: frequency [rad per unit].
     """
@@ -110,9 +110,9 @@ def strongest_lines(place: Array, scores: Array, chance: Array, highest: float) 
 
 
 def _explained(seen: Array, white: Array) -> Array:
-    """(F,) what sines and cosines with scores (2, F) explain up to a factor, by those of white noise (M, 2, F).
+    """(F,) power of sines and cosines with scores (2, F), relative to that of white noise (M, 2, F), up to a factor.
 
-    The covariance of few draws is rounded, or it would be narrow somewhere by chance alone.
+    The covariance of few draws is blended with an isotropic one, or it would be narrow somewhere by chance alone.
     """
     covariance = np.einsum("maf,mbf->fab", white, white)
     size = 0.5 * np.trace(covariance, axis1=1, axis2=2)[:, None, None]
@@ -121,7 +121,7 @@ def _explained(seen: Array, white: Array) -> Array:
 
 
 def _sines_and_cosines(place: Array, scores: Iterable[Array], frequencies: Array) -> list[Array]:
-    """(2, F) sums of each score (T,) times sine and cosine over `place`, by binning it finely."""
+    """(2, F) sums of each score (T,) times sine and cosine over `place`, by fine binning."""
     from scipy.fft import next_fast_len, rfft
 
     step = 2.0 * np.pi / frequencies[-1] / 6.0

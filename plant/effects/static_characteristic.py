@@ -1,4 +1,4 @@
-"""The static characteristic of an effect: friction over velocity, ripple over angle, what leaves a dead zone."""
+"""The static characteristic of an effect: friction over velocity, ripple over angle, output of a dead zone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from plant.symbolic import one_at_a_time
 
 
 class _Law(Protocol):
-    """What an effect must provide."""
+    """Members of an effect that are used here."""
 
     @property
     def title(self) -> str: ...
@@ -29,7 +29,7 @@ class _Law(Protocol):
 
 @one_at_a_time
 def characteristic(law: _Law) -> tuple[str, Any]:
-    """The one variable that an effect depends on, and its curve over that as a CasADi function; "" and None if none."""
+    """The one variable of an effect, and its curve over that as a CasADi function; "" and None if there is none."""
     x, v, torque, time = symbols = [ca.SX.sym(name) for name in ("angle", "velocity", "torque", "time")]
     if law.states:
         return "", None

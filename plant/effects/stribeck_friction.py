@@ -1,4 +1,4 @@
-"""Stribeck friction: breaking away takes more than sliding on."""
+"""Stribeck friction: breakaway takes more torque than sliding."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class StribeckFriction(Effect):
         return (CoulombFriction(torque=self.coulomb),)
 
     def vanishes(self, speed: float, sample_time: float) -> bool:
-        """A hump far narrower than the motion is fast is passed within a sample; it is a fault of stiction's model."""
+        """A hump much narrower than the velocity range is passed within a sample; it is an artefact of stiction."""
         return bool(self.velocity < 2e-3 * speed)
 
     @classmethod

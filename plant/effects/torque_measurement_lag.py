@@ -1,4 +1,4 @@
-"""Lag of the measured torque: a log of the motor's current shows it late, behind a filter."""
+"""Lag of the measured torque: a log of the motor's current is filtered."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, param
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueMeasurementLag(Effect):
-    """A first-order filter in the measurement of the torque that the log holds as the command.
+    """A first-order filter in the measurement of the torque that the log gives as the command.
 
-    The torque that acts is that of the log and its slope. It goes straight from sample to sample, as a current does in
-    its loop; a command is held instead. `plant.discrete` takes the slope from the next sample, so only a log can be
-    predicted: the machine does not have this lag, and a controller's model leaves it out.
+    The acting torque is the torque of the log plus the time constant times its slope. It is linear from sample to
+    sample, as a current in its loop; a command is held instead. `plant.discrete` takes the slope from the next sample,
+    so only a log can be predicted: the machine does not have this lag, and a controller's model leaves it out.
     """
 
     name = "torque_measurement_lag"
@@ -35,7 +35,7 @@ class TorqueMeasurementLag(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """The slope of the torque; none where a position servo's set-point is given, and no torque is measured."""
+        """The slope of the torque; none for a position servo, as its torque is not measured."""
         if np.any(motion.servo_gain > 0.0):
             return
         dt = motion.sample_time

@@ -24,11 +24,11 @@ class TorqueOffset(Effect):
     torque: float = parameter("{torque}", "constant bias")
 
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
-        """The bias; it acts behind the dead zone, which does not reduce it."""
+        """The torque plus the bias, which acts after the dead zone and is not reduced by it."""
         return torque + self.torque
 
     def command_for(self, torque: Expression, velocity: Expression) -> Expression:
-        """Less the bias."""
+        """The torque less the bias."""
         return torque - self.torque
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Torque saturation: the drive gives no more than its limit."""
+"""Torque saturation: the drive's torque is limited."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from plant.effects.effect import POSITIVE, Effect, Expression, Motion, Stage, Tr
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueSaturation(Effect):
-    """A current or duty limit below what the log calls the command. Like the dead zone it needs no smooth form."""
+    """A current or duty limit below the command of the log. Like the dead zone it needs no smoothing."""
 
     name = "torque_saturation"
     title = "torque saturation"
@@ -29,12 +29,12 @@ class TorqueSaturation(Effect):
         return ca.fmax(ca.fmin(torque, self.limit), -self.limit)
 
     def command_for(self, torque: Expression, velocity: Expression) -> Expression:
-        """No more than the limit: what is beyond it cannot be had."""
+        """At most the limit: more is not possible."""
         return ca.fmax(ca.fmin(torque, self.limit), -self.limit)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """What a limit would take away, for limits from the middle to the top of the commands."""
+        """Torque removed by a limit, for limits from 0.3 to 0.97 of the largest command."""
         largest = float(np.max(np.abs(motion.torque), initial=0.0))
         shares = (0.3, 0.5, 0.7, 0.8, 0.9, 0.97)
         for limit in (share * largest for share in shares if largest > 0.0):

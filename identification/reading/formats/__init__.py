@@ -1,1 +1,1 @@
-"""One reader for each kind of file, from its bytes to a table; nothing is judged yet."""
+"""One reader for each kind of file, from its bytes to a table, without checks."""

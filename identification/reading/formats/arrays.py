@@ -12,11 +12,11 @@ from identification.reading.formats.groups import grouped_table, vectors, withou
 from identification.reading.formats.hdf5 import read_hdf5
 from identification.reading.table import Table
 
-_DESCRIBES = ("dimensions", "label", "title", "blockName", "plotStyle", "stateName")  # fields beside a signal's values
+_DESCRIBES = ("dimensions", "label", "title", "blockName", "plotStyle", "stateName")  # fields that describe a signal
 
 
 def read_npz(content: bytes, name: str, sha256: str) -> Table:
-    """The arrays of an NPZ archive, as one column a vector and one for each column of a matrix."""
+    """The arrays of an NPZ archive: one column per vector and one per column of a matrix."""
     arrays = {}
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         for key in archive.files:
@@ -28,16 +28,16 @@ def read_npz(content: bytes, name: str, sha256: str) -> Table:
 
 
 def read_npy(content: bytes, name: str, sha256: str) -> Table:
-    """The columns of one array; those of a matrix have their places for names, from "1" on."""
+    """The columns of one array; the names of a matrix's columns are their numbers, from "1" on."""
     array = np.load(io.BytesIO(content), allow_pickle=False)
     columns = vectors({"": array})
     return Table(name=name, columns={key.removeprefix(":"): v for key, v in columns.items()}, sha256=sha256)
 
 
 def read_mat(content: bytes, name: str, sha256: str) -> Table:
-    """The variables of a MAT file; of a structure, its fields, and of those their fields.
+    """The variables of a MAT file, and the fields of structures at any depth.
 
-    Raises `MalformedLog` where all that it holds are objects of MATLAB, such as a timeseries.
+    Raises `MalformedLog` if it has objects of MATLAB only, such as a timeseries.
     """
     if content.startswith(b"MATLAB 7.3"):
         return read_hdf5(content, name, sha256)
@@ -54,7 +54,7 @@ def read_mat(content: bytes, name: str, sha256: str) -> Table:
 
 @dataclass(frozen=True)
 class _Variables:
-    """Arrays by the structure in which they stand, and name and class of the objects beside."""
+    """Arrays by the structure that contains them, and name and class of MATLAB objects."""
 
     groups: dict[str, dict[str, Any]] = field(default_factory=lambda: {"": {}})
     objects: list[tuple[str, str]] = field(default_factory=list)
@@ -79,7 +79,7 @@ class _Variables:
 
 
 def _label(element: Any) -> str:
-    """What a signal of Simulink's "structure with time" is called: by its label, else by its block."""
+    """The name of a signal in Simulink's "structure with time": its label, else its block."""
     names = element.dtype.names
     if "values" not in names:
         return ""
@@ -88,7 +88,7 @@ def _label(element: Any) -> str:
 
 
 def _text(value: Any) -> str:
-    """The text in an array of texts, "" where there is none."""
+    """The first text in an array of texts, "" without one."""
     while isinstance(value, np.ndarray):
         if not value.size:
             return ""

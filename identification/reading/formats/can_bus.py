@@ -1,4 +1,4 @@
-"""Raw recordings of a CAN bus, where a measured value is some bits of a frame and only the bus description names it."""
+"""Raw recordings of a CAN bus: a measured value is some bits of a frame, named in the bus description only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SEARCHED = 20  # lines
 
 
 def refuse_bus(lines: Sequence[str], name: str) -> None:
-    """Raise `MalformedLog` where the lines of a text are frames of a bus."""
+    """Raise `MalformedLog` if lines of a text are frames of a bus."""
     if any(frame.match(line) for line in lines[:_SEARCHED] for frame in _FRAMES):
         raise MalformedLog(
             f"{name}: this is a raw recording of a CAN bus; decode it with the .dbc of the bus and export its signals "

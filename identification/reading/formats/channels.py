@@ -1,4 +1,4 @@
-"""Channels with a clock each, as recorders and robots write them, to one table."""
+"""Convert channels with one clock each, as of recorders and robots, to one table."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from identification.recording import Array
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Channel:
-    """One channel: samples of any dtype, their times [s] if it has any, its unit as the file writes it.
+    """One channel: samples of any dtype, their times [s] if there are any, its unit as in the file.
 
-    joint: the joint that it belongs to and its name without it, if it is a joint's.
+    joint: its joint and its name without the joint, if it belongs to one.
     """
 
     group: str
@@ -29,10 +29,10 @@ class Channel:
 
 
 def table_of(channels: Sequence[Channel], name: str, sha256: str, notes: Sequence[str] = ()) -> Table:
-    """The channels by their name where it is the only one so called, else with their group before it."""
+    """The table of channels by name; a name that occurs several times is prefixed by the group."""
     times = Counter(channel.name for channel in channels)
     named: dict[str, Channel] = {}
-    for channel in channels:  # of one name, the first counts
+    for channel in channels:  # the first of a name is used
         named.setdefault(channel.name if times[channel.name] == 1 else f"{channel.group}/{channel.name}", channel)
     return Table(
         name=name,

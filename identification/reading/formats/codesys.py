@@ -1,8 +1,8 @@
-"""Traces of CODESYS, as its trace editor saves them (also ctrlX, and others built on CODESYS): key and value lines.
+"""Traces of the CODESYS trace editor (also ctrlX, and other systems based on CODESYS): lines of keys and values.
 
 A header of `key; value`, then for each variable N its keys (`0.Variable; Main.position`) and below `0.Data;` its
-samples, `; time; value`, at times of its own. The time is a whole number of milliseconds or microseconds, whichever
-`Flags` says.
+samples, `; time; value`, with separate times. The time is a whole number of milliseconds or microseconds, according to
+`Flags`.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ class _Variable:
 
 
 def is_trace(lines: Sequence[str]) -> bool:
-    """Whether the lines of a file are such a trace."""
+    """Whether the lines of a file are a trace of CODESYS."""
     return bool(lines and _HEADER.match(lines[0])) or any(map(_VARIABLE.match, lines[:_SEARCHED_LINES]))
 
 
 def read_trace(lines: Sequence[str], name: str, sha256: str) -> Table:
     """The variables of a trace, each on its clock.
 
-    Raises `MalformedLog` where a line is neither a key nor a sample, or no variable has samples.
+    Raises `MalformedLog` if a line is neither a key nor a sample, or no variable has samples.
     """
     variables: list[_Variable] = []
     flags = 0
@@ -84,10 +84,10 @@ def _samples(lines: Sequence[str], start: int, end: int, name: str) -> tuple[Arr
             times, values = times.astype(np.float64), values.astype(np.float64)
             if np.isfinite(times).all() and not np.isnan(values).any():
                 return times, values, False
-    except Exception:  # whatever pandas makes of a damaged line; told apart below
+    except Exception:  # from a damaged line, handled below
         pass
     pairs = []
-    for k in kept:  # one by one, to say which is wrong
+    for k in kept:  # one by one, to find the wrong line
         try:
             pairs.append(_sample(lines[k]))
         except ValueError as error:
@@ -98,7 +98,7 @@ def _samples(lines: Sequence[str], start: int, end: int, name: str) -> tuple[Arr
 
 
 def _sample(line: str) -> tuple[float, float]:
-    """Time and value of a line; raises `ValueError` where it has none."""
+    """Time and value of a line; raises `ValueError` without them."""
     _, stamp, value = line.split(";", 2)
     text = value.strip()
     number = _TRUTH.get(text.upper())
@@ -120,7 +120,7 @@ def _whole(line: str) -> int:
 
 
 def _unit(flags: int, variables: Sequence[_Variable], name: str) -> tuple[str, tuple[str, ...]]:
-    """The unit of the time, and a word where the file does not tell it."""
+    """The unit of the time, and a note if the file does not have it."""
     told = [unit for bit, unit in _UNITS.items() if flags & bit]
     if len(told) == 1 or not variables:
         return (told or ["ms"])[0], ()

@@ -19,9 +19,9 @@ _STREAMS: tuple[tuple[bytes, str, Callable[[bytes], bytes]], ...] = (
 
 
 def unpacked(content: bytes, name: str) -> tuple[bytes, str]:
-    """What is compressed, and the format of a zip archive that is a log itself ("NPZ", "Excel"), else "".
+    """The uncompressed content, and the format of a zip archive that is itself a log ("NPZ", "Excel"), else "".
 
-    Raises `MalformedLog` where the file is damaged, or an archive of several files.
+    Raises `MalformedLog` if the file is damaged, or an archive of several files.
     """
     for signature, suffix, decompress in _STREAMS:
         if content.startswith(signature):

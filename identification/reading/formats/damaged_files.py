@@ -1,4 +1,4 @@
-"""Readers of binary formats, kept quiet: whatever a library raises, warns or prints becomes one sentence."""
+"""Guard for readers of binary formats: an exception of a library becomes one sentence, its output is suppressed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from identification.errors import MalformedLog
 from identification.reading.table import Table
 
 Read: TypeAlias = Callable[[bytes, str, str], Table]
-"""From the content of a file, its name and its hash to a table; raises whatever its library raises."""
+"""From the content of a file, its name and its hash to a table; may raise any exception of its library."""
 
 _FORMATS = {  # name: usual suffix, library
     "Excel": (".xlsx", "openpyxl"),
@@ -32,9 +32,9 @@ _FORMATS = {  # name: usual suffix, library
 
 
 def guarded(read: Read, content: bytes, name: str, sha256: str, kind: str) -> Table:
-    """The table that a reader makes of a file.
+    """The table of a file, from its reader.
 
-    Raises `MalformedLog` when its library is not installed, the file is damaged, or holds no numbers.
+    Raises `MalformedLog` if its library is not installed, or if the file is damaged or has no columns.
     """
     suffix, library = _FORMATS[kind]
     problem = ""
@@ -46,10 +46,10 @@ def guarded(read: Read, content: bytes, name: str, sha256: str, kind: str) -> Ta
             problem = f"{suffix} files are read by {library}, install it with pip install 'antidrive[logs]'"
         except MalformedLog as error:
             problem = str(error).removesuffix(".").removeprefix(f"{name}: ")
-        except Exception as error:  # each library raises whatever a damaged file leads it to
+        except Exception as error:  # a damaged file may raise any exception
             problem = f"not a readable {suffix} file ({type(error).__name__}), export the log again"
         if problem and kind == "MF4":
-            gc.collect()  # what asammdf could not open goes now, while the message of its finaliser is suppressed
+            gc.collect()  # run asammdf's finaliser now, while its message is suppressed
     if table is not None and not table.columns:
         problem = "the file holds no numeric columns, export the log again"
     if table is None or problem:
@@ -59,7 +59,7 @@ def guarded(read: Read, content: bytes, name: str, sha256: str, kind: str) -> Ta
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """The libraries log what they meet to stderr, and asammdf's finaliser fails on a file that it could not open."""
+    """Suppress output: libraries log to stderr, and asammdf's finaliser fails for a file that it could not open."""
     disabled, hook = logging.root.manager.disable, sys.unraisablehook
     logging.disable(logging.CRITICAL)
     sys.unraisablehook = lambda _: None

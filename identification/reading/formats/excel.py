@@ -1,4 +1,4 @@
-"""Excel workbooks: the first sheet with a table of numbers, read as the text that it shows; sheets alike are runs."""
+"""Excel workbooks: the first sheet with a table of numbers, read as text; sheets with equal columns are runs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from identification.reading.table import Table
 
 
 def read_excel(content: bytes, name: str, sha256: str) -> Table:
-    """The table of a workbook's first sheet that has one, or of all where they are alike, as in a text file.
+    """The first table in the sheets of a workbook, or all tables if they are alike, read as in a text file.
 
-    Raises `MalformedLog` where no sheet has one.
+    Raises `MalformedLog` if no sheet has a table.
     """
     from openpyxl import load_workbook
 
@@ -46,14 +46,14 @@ def read_excel(content: bytes, name: str, sha256: str) -> Table:
 
 
 def _alike(tables: Sequence[Table]) -> bool:
-    """Whether sheets have the same columns in the same units, and none that tells of runs or clocks."""
+    """Whether sheets have the same columns in the same units, without runs, clocks or joints."""
     one = tables[0]
     same = all(list(table.columns) == list(one.columns) and table.units == one.units for table in tables)
     return same and "run" not in one.columns and not any(table.clocks or table.joint_of for table in tables)
 
 
 def _as_runs(sheets: Mapping[str, Table]) -> Table:
-    """Sheets below one another, each an experiment that is called as the sheet."""
+    """The sheets one below the other; each is an experiment with the name of the sheet."""
     one, *_ = sheets.values()
     columns = {key: np.concatenate([table.columns[key] for table in sheets.values()]) for key in one.columns}
     lengths = [len(next(iter(table.columns.values()))) for table in sheets.values()]

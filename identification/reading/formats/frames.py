@@ -1,4 +1,4 @@
-"""Tables of Apache Arrow and pandas: Parquet, Feather and frames, with the lists and structures in their cells."""
+"""Tables of Apache Arrow and pandas: Parquet, Feather and frames, also with lists and structures in cells."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def read_parquet(content: bytes, name: str, sha256: str) -> Table:
 
 
 def read_feather(content: bytes, name: str, sha256: str) -> Table:
-    """The columns of a Feather file, which is an Arrow file by another name."""
+    """The columns of a Feather file (an Arrow file)."""
     import pyarrow.feather as feather
 
     return _from_arrow(feather.read_table(io.BytesIO(content)), name, sha256)
@@ -41,16 +41,16 @@ def _from_arrow(table: Any, name: str, sha256: str) -> Table:
 
 
 def frame_table(frame: pd.DataFrame, name: str, sha256: str) -> Table:
-    """The columns of a frame, as `columns_of` has them, with the joints that they tell of."""
+    """The columns of a frame, as in `columns_of`, with their joints."""
     found = _gathered(frame)
     return Table(name=name, columns=found.columns, sha256=sha256, joint_of=found.joint_of)
 
 
 def columns_of(frame: pd.DataFrame) -> dict[str, NDArray[Any]]:
-    """The columns of a frame, and its index where that has a name: the time, more often than not.
+    """The columns of a frame, and its index if that has a name: it is usually the time.
 
-    Lists of numbers in the cells of `state` become `state:1`, `state:2`, ...; fields of structures `state.angle`. Of
-    columns with one name, the first counts.
+    Lists of numbers in the cells of `state` become `state:1`, `state:2`, ...; fields of structures `state.angle`. If
+    columns have the same name, the first one is used.
     """
     return _gathered(frame).columns
 
@@ -70,7 +70,7 @@ def _gathered(frame: pd.DataFrame) -> Gathered:
 
 
 def _inside(key: str, values: NDArray[Any]) -> Gathered | None:
-    """The numbers in the cells of a column that holds lists or structures, None for any other column."""
+    """The numbers in the cells of a column with lists or structures, None for any other column."""
     if values.dtype.kind != "O":
         return None
     first = next((cell for cell in values if cell is not None), None)

@@ -1,4 +1,4 @@
-"""Series that lie in groups, as in HDF5 and JSON: one table of rows, or channels on the clock of their group."""
+"""Series in groups, as in HDF5 and JSON: one table of rows, or channels on the clock of their group."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from identification.reading.headings import heading
 from identification.reading.table import Table
 
 Groups = Mapping[str, Mapping[str, NDArray[Any]]]
-"""Path of a group -> name of a series -> its values; "" is the path of what lies in no group."""
+"""Path of a group -> name of a series -> its values; "" is the path of series without a group."""
 
 _OF_RUNS = {
     *("run", "experiment", "exp", "trial", "episode", "test", "repetition", "rep", "measurement", "demo", "sweep"),
     *("trajectory", "traj", "take", "versuch", "messung"),
-}  # words by which a group is one of several experiments
-_VALUES = ("value", "values", "data", "y")  # names that say less than that of their group
+}  # words in the name of a group that is one of several experiments
+_VALUES = ("value", "values", "data", "y")  # names that are less specific than that of their group
 
 
 def vectors(arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """One column a vector; a matrix gives one column for each of its columns; scalars are no channels."""
+    """One column per vector and per column of a matrix; scalars are ignored."""
     columns: dict[str, NDArray[Any]] = {}
     for name, value in arrays.items():
         if not isinstance(value, np.ndarray) or value.size < 2:
@@ -51,9 +51,9 @@ def _text(cell: Any) -> str:
 
 
 def grouped_table(groups: Groups, name: str, sha256: str, stated: Mapping[tuple[str, str], str] | None = None) -> Table:
-    """A table of all series; where two groups have times of their own that differ, these are their channels' clocks.
+    """A table of all series; if groups have different times, these are the clocks of their channels.
 
-    A series has its own name where no other is so called, else its group before it.
+    A name that several series have is prefixed by the group.
 
     stated: unit of a series, by the path of its group and its name.
     """
@@ -77,7 +77,7 @@ def grouped_table(groups: Groups, name: str, sha256: str, stated: Mapping[tuple[
         if many[short] > 1 and key == times[path] and not apart:  # all groups have the same time
             full = key
         columns.setdefault(full, groups[path][key])
-        if unit := given.get((path, key)) or (of_all.get(key, "") if not path else ""):  # of runs in groups: theirs
+        if unit := given.get((path, key)) or (of_all.get(key, "") if not path else ""):  # for joined runs: their unit
             units[full] = unit
         if path in clocked and len(groups[path][key]) == len(groups[path][times[path]]):
             clocks[full] = groups[path][times[path]]
@@ -87,7 +87,7 @@ def grouped_table(groups: Groups, name: str, sha256: str, stated: Mapping[tuple[
 
 
 def _with_runs(groups: Groups) -> Groups:
-    """Groups with the same series, whose paths differ in the name of an experiment only, as one with a column `run`."""
+    """Join groups with the same series and paths that differ only in an experiment; a column `run` has its name."""
     paths = [path.split("/") for path in groups]
     keys = [tuple(group) for group in groups.values()]
     if len(paths) < 2 or len(set(keys)) > 1 or len({len(path) for path in paths}) > 1 or "run" in keys[0]:
@@ -104,9 +104,9 @@ def _with_runs(groups: Groups) -> Groups:
 
 
 def without_objects(table: Table, objects: Sequence[tuple[str, str]]) -> Table:
-    """The table with a word on the objects of MATLAB (name and class) beside it, which only MATLAB reads.
+    """The table with a note on objects of MATLAB (name and class), which only MATLAB can read.
 
-    Raises `MalformedLog` where nothing but such objects is there.
+    Raises `MalformedLog` if there are only such objects.
     """
     if not objects:
         return table
@@ -119,6 +119,6 @@ def without_objects(table: Table, objects: Sequence[tuple[str, str]]) -> Table:
 
 
 def _name(path: str, key: str, groups: Groups, times: Mapping[str, str]) -> str:
-    """The series' own name, or that of its group where it is the only one there and called `value`."""
+    """The name of a series, or that of its group if it is the only one there and has a name such as `value`."""
     alone = path and all(other == key or other == times[path] for other in groups[path])
     return path.rsplit("/", 1)[-1] if alone and key.lower() in _VALUES else key

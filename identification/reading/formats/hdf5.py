@@ -14,9 +14,9 @@ from identification.reading.table import Table
 
 
 def read_hdf5(content: bytes, name: str, sha256: str) -> Table:
-    """The series of all datasets, by name or, where two are called alike, with their group before them.
+    """The series of all datasets by name; a name that occurs several times is prefixed by the group.
 
-    Raises `MalformedLog` where all that it holds are objects of MATLAB, such as a timeseries.
+    Raises `MalformedLog` if the file has objects of MATLAB only, such as a timeseries.
     """
     import h5py
 
@@ -45,18 +45,18 @@ def read_hdf5(content: bytes, name: str, sha256: str) -> Table:
 
 
 def _unit(item: Any) -> str:
-    """The unit of a data set by its attributes; of a time in NetCDF, "seconds since 2024-01-01", the unit alone."""
+    """The unit in the attributes of a dataset; for a time of NetCDF, "seconds since 2024-01-01", the unit alone."""
     said = next((item.attrs[key] for key in ("units", "unit", "Units", "Unit") if key in item.attrs), "")
     said = said.item() if isinstance(said, np.ndarray) and said.size == 1 else said
     return _text(said, "").split(" since ")[0] if isinstance(said, str | bytes) else ""
 
 
 def _of_pandas(parent: str, key: str, item: Any) -> dict[str, NDArray[Any]] | None:
-    """The columns of a frame that pandas wrote, nothing for what it writes beside; None for any other dataset."""
+    """The columns of a frame written by pandas, none for its auxiliary datasets; None for any other dataset."""
     frame = item.parent
     kind = frame.attrs.get("pandas_type", b"")
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
-    if kind == "frame":  # blocks of values beside the names of their columns
+    if kind == "frame":  # blocks of values, and the names of their columns
         if key == "axis1":
             return vectors({_text(item.attrs.get("name", "index"), "index"): item[()]})
         if key.endswith("_values") and f"{key[:-7]}_items" in frame:
@@ -90,7 +90,7 @@ def _text(value: Any, otherwise: str) -> str:
 
 
 def _pickled_texts(said: Any) -> list[str]:
-    """The texts in a pickle, in which pandas keeps the names of columns; it is read as a list and never loaded."""
+    """The texts in a pickle with pandas' names of columns; its opcodes are read, it is never loaded."""
     if said is None:
         return []
     raw = said.encode() if isinstance(said, str) else bytes(said)

@@ -1,4 +1,4 @@
-"""Logs in JSON: records, columns, rows beside their column names, time series in groups; and JSON lines."""
+"""Logs in JSON: records, columns, rows with column names, time series in groups; and JSON lines."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _SUFFIXES = (".json", ".jsonl", ".ndjson")
 _NAMES_OF_ROWS = ("columns", "header", "headers", "fields", "names")
 _ROWS = ("data", "rows", "values")
 _LONGEST_LIST = 256  # of groups
-_DECODER = json.JSONDecoder(parse_int=float)  # no whole number is too large for it
+_DECODER = json.JSONDecoder(parse_int=float)  # whole numbers of any size
 
 
 def parse_json(content: bytes, name: str, sha256: str) -> Table | None:
-    """The table in a text of JSON or JSON lines, None where it is no such text.
+    """The table in a text of JSON or JSON lines, None for any other text.
 
-    Raises `MalformedLog` where the text is damaged, or holds no table.
+    Raises `MalformedLog` if the text is damaged, or has no table.
     """
     claimed = any(suffix in name.lower() for suffix in _SUFFIXES)
     if content.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in (b"{", b"[") and not claimed:
@@ -39,7 +39,7 @@ def parse_json(content: bytes, name: str, sha256: str) -> Table | None:
         raise
     except (ValueError, RecursionError) as error:
         if not claimed:
-            return None  # `[key]; [value]` begins like a list
+            return None  # a text may begin like a list: `[key]; [value]`
         raise MalformedLog(f"{name}: this is no JSON ({_place(error)}), export the log again.") from error
     found = _Found()
     found.sort(said)
@@ -56,7 +56,7 @@ def parse_json(content: bytes, name: str, sha256: str) -> Table | None:
 
 
 def _constants(said: Any, table: Table) -> dict[str, NDArray[Any]]:
-    """Numbers that stand beside the table for all its rows, such as gains."""
+    """Numbers outside the table that hold for all rows, such as gains."""
     lengths = {len(values) for values in table.columns.values()}
     if not isinstance(said, Mapping) or len(lengths) != 1:
         return {}
@@ -65,7 +65,7 @@ def _constants(said: Any, table: Table) -> dict[str, NDArray[Any]]:
 
 
 def _loaded(text: str, name: str) -> tuple[Any, tuple[str, ...]]:
-    """What the text says: one value, or a value a line; raises `ValueError` where it is neither."""
+    """The value of the text, or one value per line, and notes; raises `ValueError` if it is neither."""
     try:
         return _DECODER.decode(text.strip()), ()
     except ValueError as error:
@@ -95,13 +95,13 @@ def _place(error: Exception) -> str:
 
 @dataclass(kw_only=True)
 class _Found:
-    """Series by the group in which they stand, and which columns are whose joint's."""
+    """Series by their group, and the joints of the columns."""
 
     groups: dict[str, dict[str, NDArray[Any]]] = field(default_factory=dict)
     joint_of: dict[str, tuple[str, str]] = field(default_factory=dict)
 
     def add(self, path: str, series: Mapping[str, NDArray[Any]]) -> None:
-        """Series of two samples or more, to the group of a path."""
+        """Add series of two samples or more to the group of a path."""
         kept = {key: values for key, values in series.items() if len(values) > 1}
         if kept:
             self.groups.setdefault(path, {}).update(kept)
@@ -141,7 +141,7 @@ class _Found:
 
 
 def _listed(said: Any) -> Any:
-    """A mapping of numbers to values as a list in its order, which is how pandas writes a column."""
+    """A mapping with numbers as keys (a column of pandas) as a list, in its order; other values unchanged."""
     if not isinstance(said, Mapping) or len(said) < 2:
         return said
     if all(map(str.isdecimal, said)):
@@ -150,7 +150,7 @@ def _listed(said: Any) -> Any:
 
 
 def _split(said: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The columns of rows that stand beside the names of their columns, in a place of their own."""
+    """The columns of a mapping with rows and the names of their columns; None for any other mapping."""
     names = next((said[key] for key in _NAMES_OF_ROWS if _are_names(said.get(key))), None)
     rows = next((said[key] for key in _ROWS if isinstance(said.get(key), list)), None)
     matrix = _matrix(rows) if names and rows else None
@@ -167,7 +167,7 @@ def _are_names(said: Any) -> bool:
 
 
 def _matrix(said: list[Any]) -> dict[str, NDArray[Any]] | None:
-    """The columns of rows of equal length, by the names in a first row of text or else by their place."""
+    """The columns of rows of equal length, by the names in a first row of texts, else by their numbers."""
     if len(said) < 2 or not all(isinstance(row, list) and len(row) == len(said[0]) for row in said) or not said[0]:
         return None
     if not all(isinstance(cell, str | int | float | None) for row in said for cell in row):
@@ -183,7 +183,7 @@ def _matrix(said: list[Any]) -> dict[str, NDArray[Any]] | None:
 
 
 def _named_series(said: list[Any]) -> dict[str, Any] | None:
-    """Records of which each is a named series, and not a row: `{"name": "angle", "time": [...], "value": [...]}`."""
+    """Records that are named series instead of rows: `{"name": "angle", "time": [...], "value": [...]}`."""
     for key in ("name", "label", "topic", "id"):
         names = [item.get(key) for item in said]
         long = (any(isinstance(v, list) and len(v) > len(said) for v in item.values()) for item in said)

@@ -1,4 +1,4 @@
-"""Where the table stands in a text file: its separator, names, units and first row; what is above is preamble."""
+"""The layout of a table in a text file: its separator, names, units and first row; lines above are preamble."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from identification.reading.formats.unit_row import labelled, row_of_units, unit
 
 COMMENT = ("#", "%", "//")
 SEARCHED_LINES = 200  # no export has a longer preamble
-_SEPARATORS = ("\t", ";", "|", ",", " ")  # the comma late: it may be the decimal point
+_SEPARATORS = ("\t", ";", "|", ",", " ")  # the comma is tried late: it may be the decimal comma
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?$")
-_END_OF_HEADER = re.compile(r"\W*end[ _]?of[ _]?header\W*$", re.I)  # as LabVIEW writes it, twice
+_END_OF_HEADER = re.compile(r"\W*end[ _]?of[ _]?header\W*$", re.I)  # of LabVIEW, occurs twice
 _LIST = re.compile(r"[\[(][-+.,;\d\seE]+[\])]$")
 _NO_NUMBER = {"nan", "na", "null", "inf", "-inf", "none"}
 _STAMP = re.compile(r"\d{1,4}([-./])\d{1,2}\1\d{1,4}([T ].*)?$|\d{1,3}:\d\d(:\d\d([.,:]\d+)?)?( ?[ap]m)?$", re.I)
@@ -24,11 +24,11 @@ _STAMP = re.compile(r"\d{1,4}([-./])\d{1,2}\1\d{1,4}([T ].*)?$|\d{1,3}:\d\d(:\d\
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How a text file is laid out.
+    """The layout of a text file.
 
-    names, units: of each column, "" where there is none; both are empty where no line of names is found.
+    names, units: of each column, "" without one; both are empty if no line of names is found.
     start: index of the first line of data.
-    unread: lines between the names and the data that are neither, counted from 1.
+    unread: numbers of other lines between the names and the data, counted from 1.
     """
 
     separator: str
@@ -41,7 +41,7 @@ class Layout:
 def find_layout(lines: Sequence[str], name: str) -> Layout:
     """The layout of a table of numbers.
 
-    Raises `MalformedLog` where there is no such table, or a line of names above it that does not fit.
+    Raises `MalformedLog` if there is no table, or if the line of names above it does not fit.
     """
     separator, start = _first_row(lines, name)
     above = _lines_above(lines, separator, start, name)
@@ -49,7 +49,7 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
     rest = above[1:] if units else above
     if not rest:
         return Layout(separator=separator, names=(), units=(), start=start)
-    line, names = max(rest, key=lambda found: _names_score(found[1]))  # of equals the first, which is the nearest
+    line, names = max(rest, key=lambda found: _names_score(found[1]))  # the nearest one of equal score
     preamble = [split(text, separator) for text in lines[max(line - SEARCHED_LINES, 0) : line]]
     units = units or units_above(preamble, len(names)) or []
     return Layout(
@@ -62,7 +62,7 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
 
 
 def split(line: str, separator: str) -> list[str]:
-    """The cells of a line, without blanks and quotation marks around them."""
+    """The cells of a line, without surrounding blanks and quotation marks."""
     if separator == " ":
         return line.split() if '"' not in line else [cell for cell in _quoted(line, " ") if cell]
     return _quoted(line, separator)
@@ -86,7 +86,7 @@ def _is_data(cells: list[str]) -> bool:
 
 
 def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
-    """Separator and index of the first data line: two columns or more, and another such line below it."""
+    """Separator and index of the first line of data: two columns or more, and another line of data below it."""
     begin = _after_header(lines)
     told = (
         (index, line)
@@ -112,12 +112,12 @@ def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
 
 
 def _after_header(lines: Sequence[str]) -> int:
-    """Index of the first line below a header that says where it ends."""
+    """Index of the first line after a header with an explicit end, else 0."""
     return max((k + 1 for k, line in enumerate(lines[:SEARCHED_LINES]) if _END_OF_HEADER.match(line)), default=0)
 
 
 def _counts_columns(cells: list[str]) -> bool:
-    """Whether a row numbers the columns, as pandas writes a matrix: 0,1,2 with or without an index before them."""
+    """Whether a row has the numbers of the columns, as for a matrix of pandas: 0,1,2 with or without an index."""
     named = cells[1:] if not cells[0] else cells
     return len(named) > 2 and named == [str(k) for k in range(int(named[0] == "1"), len(named) + (named[0] == "1"))]
 
@@ -143,17 +143,17 @@ def _lines_above(lines: Sequence[str], separator: str, start: int, name: str) ->
 
 
 def _as_names(line: str, separator: str, filled: int, width: int, *, numbered: bool) -> list[str]:
-    """The cells of a line above the data if they are as many, else none.
+    """The cells of a line above the data if their number fits, else none.
 
-    NumPy writes names with commas above columns with blanks; R has no name above the numbers of its rows.
+    NumPy may write names separated by commas above columns separated by blanks; R has no name for the row numbers.
     """
     bare = line.lstrip("#%/ " if separator == "\t" else "#%/ \t")
     order = [separator] if separator != " " else []
     tried = [split(bare, other) for other in dict.fromkeys((*order, *_SEPARATORS[:-1]))]
-    if separator == " ":  # names may have blanks in them where more than one stand between
+    if separator == " ":  # names separated by several blanks may contain a blank
         tried += [re.split(r"\s{2,}", bare.strip()), split(bare, " ")]
     for cells in tried:
-        while len(cells) > width and cells[-1] in ("", "Comment"):  # LabVIEW has a name for what its rows lack
+        while len(cells) > width and cells[-1] in ("", "Comment"):  # LabVIEW has a name for a column that its rows lack
             cells.pop()
         if len(cells) > 1 and any(cells):
             if filled <= len(cells) <= width:
@@ -164,7 +164,7 @@ def _as_names(line: str, separator: str, filled: int, width: int, *, numbered: b
 
 
 def _refuse_names(line: str, separator: str, width: int, where: str) -> None:
-    """Names that are too few or too many are an error; a sentence above the numbers is none."""
+    """Raise an error for too few or too many names; ignore a sentence above the numbers."""
     cells = split(line, separator)
     prose = len(cells) < 2 or any(map(_is_value, cells)) or (separator == " " and not any(map(is_time, cells)))
     if not prose:
@@ -174,7 +174,7 @@ def _refuse_names(line: str, separator: str, width: int, where: str) -> None:
 
 
 def _names_score(cells: list[str]) -> tuple[bool, bool, int]:
-    """How much a line looks like names: one is a time's, all differ and are no numbers, most columns have one."""
+    """Score of a line as names: whether one is a time, whether all are distinct and not numbers, number of names."""
     filled = [cell for cell in cells if cell]
     distinct = len(set(filled)) == len(filled) and not any(map(_is_value, filled))
     return any(map(is_time, filled)), distinct, len(filled)

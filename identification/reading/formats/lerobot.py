@@ -1,4 +1,4 @@
-"""Data sets of LeRobot: the names of the motors, which stand in `meta/info.json` above the Parquet files."""
+"""Data sets of LeRobot: the names of the motors are in `meta/info.json` in a folder above the Parquet files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _QUANTITIES = ("pos", "position", "vel", "velocity", "torque", "effort", "curren
 
 
 def with_motor_names(table: Table, path: Path) -> Table:
-    """The table with `observation.state:1` called `observation.state:elbow`, if the data set around it says so."""
+    """The table with the names of motors, if the data set has them: `observation.state:elbow` for `:1`."""
     if not any(name.endswith(":1") for name in table.columns):
         return table
     info = next(

@@ -15,7 +15,7 @@ _LIST = re.compile(r"\s*[\[(].*[\])]\s*$", re.DOTALL)
 
 
 def with_lists(columns: Mapping[str, NDArray[Any]]) -> Gathered:
-    """The columns, and in place of those with lists in their cells one for each item, by joint where names tell."""
+    """The columns; a column with lists in its cells becomes one column per item, by joint if names are known."""
     lists = {name: values for name, values in columns.items() if _holds_lists(values)}
     if not lists:
         return Gathered(columns=dict(columns))
@@ -33,7 +33,7 @@ def _holds_lists(values: NDArray[Any]) -> bool:
 
 
 def _items(cell: Any) -> list[Any]:
-    """The items of a list in a cell, none where it is no list of numbers or texts."""
+    """The items of a list in a cell, none if it is not a list of numbers or texts."""
     if not isinstance(cell, str):
         return []
     try:

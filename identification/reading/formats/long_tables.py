@@ -1,4 +1,4 @@
-"""Tables with a row for each sample of each channel: a name, a time and a value, as databases and historians export."""
+"""Long tables: one row per sample and channel with a name, a time and a value, as exported by databases."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from identification.reading.time_stamps import seconds_of
 
 _NAMES = {"name", "varname", "field", "signal", "channel", "variable", "tag", "metric", "sensor", "item", "parameter"}
 _VALUES = {"value", "varvalue", "values", "wert", "valeur", "valor"}
-_MOST = 64  # channels; what has more labels is no name of one
+_MOST = 64  # most channels; a column with more labels does not have names of channels
 _LEAST = 10  # samples of each
 
 
 def with_channels(table: Table) -> Table:
-    """The table with a column for each channel, on a clock of its own, where it has a row for each of their samples."""
+    """A long table converted to one column per channel, each with its clock; any other table unchanged."""
     names = [key for key in table.columns if _called(key, _NAMES) and table.columns[key].dtype.kind in "OUT"]
     values = [key for key in table.columns if _called(key, _VALUES) and table.columns[key].dtype.kind in "fiu"]
     if len(names) != 1 or len(values) != 1 or table.clocks:
@@ -53,7 +53,7 @@ def _called(name: str, words: set[str]) -> bool:
 
 
 def _times(table: Table) -> tuple[NDArray[np.float64], str] | None:
-    """The times of the rows and their unit: dates first, which need none; None where no column is a time."""
+    """The times of the rows and their unit (dates have priority and need none); None if no column is a time."""
     found = [key for key in table.columns if is_time(key) or _called(key, {"timestring", "datetime", "date"})]
     for key in sorted(found, key=lambda key: table.columns[key].dtype.kind in "fiu"):
         try:

@@ -1,6 +1,6 @@
-"""Binary logs of the trade: MF4 (ASAM MDF) and TDMS (LabVIEW): channels with clocks and units.
+"""Binary logs MF4 (ASAM MDF) and TDMS (LabVIEW): channels with clocks and units.
 
-Each is read by the library of its format, which is imported only here: `pip install 'antidrive[logs]'`.
+The library of each format reads it; these are imported only here: `pip install 'antidrive[logs]'`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _TDMS_UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 _MF4_NUMBERS = range(6)  # data types: integers and floats, in either byte order
 _MF4_VALUES = (0, 6)  # channel types: fixed length, virtual
 _MF4_VIRTUAL = (3, 6)  # channel types without bytes in the record
-_MF4_TIME = 1  # what a master channel may measure: time, and not angle, distance or index
+_MF4_TIME = 1  # type of a master channel: time, not angle, distance or index
 
 
 def read_mf4(content: bytes, name: str, sha256: str) -> Table:
@@ -28,7 +28,7 @@ def read_mf4(content: bytes, name: str, sha256: str) -> Table:
 
 
 def read_tdms(content: bytes, name: str, sha256: str) -> Table:
-    """The numeric channels of a TDMS file, on the time that their waveform properties tell, if they do."""
+    """The numeric channels of a TDMS file, with the time from their waveform properties, if there are any."""
     notes: list[str] = []
     return table_of(list(_tdms(content, notes)), name, sha256, notes)
 
@@ -61,7 +61,7 @@ def _mf4(content: bytes) -> Iterator[Channel]:
 
 
 def _check_record(group: Any) -> None:
-    """Refuse a channel beyond its record: asammdf would read foreign memory, and Python crash."""
+    """Raise an error for a channel beyond its record: asammdf would read invalid memory, and Python would crash."""
     for channel in group.channels:
         if channel.channel_type in _MF4_VIRTUAL:
             continue

@@ -1,7 +1,7 @@
-"""Messages within messages: the numbers in them with their paths, and the joints that lists of names tell of.
+"""Nested messages: their numbers with paths, and the joints in lists of names.
 
-`{"drive": {"torque": 1.0}}` gives `drive.torque`; a list gives `torque:1`, `torque:2`, or, where a list of names of the
-same length stands in the message (`name` of a ROS JointState, `joint_names`), `position:elbow`.
+`{"drive": {"torque": 1.0}}` gives `drive.torque`; a list gives `torque:1`, `torque:2`, or `position:elbow` if the
+message has a list of names of the same length (`name` of a ROS JointState, `joint_names`).
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 _LISTS_OF_NAMES = ("name", "names", "joint_names", "joints", "motor_names", "motors")
-_LONGEST_LIST = 256  # what is longer is a picture or a scan, and no machine's joints
+_LONGEST_LIST = 256  # a longer list is a picture or a scan, not the joints of a machine
 _DEEPEST = 20
 _PLAIN = {float, int, bool, str, type(None)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Leaf:
-    """One value of a message. `quantity` is its path without the joint, if it is a joint's."""
+    """One value of a message. `quantity` is its path without the joint, if it belongs to one."""
 
     path: str
     value: float | str | None
@@ -32,7 +32,7 @@ class Leaf:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gathered:
-    """Columns with one value a message, NaN (or None among text) where a message lacks it.
+    """Columns with one value per message, NaN (or None in a text column) if the message does not have it.
 
     joint_of: column -> joint and quantity, as in `Table`.
     """
@@ -42,14 +42,14 @@ class Gathered:
 
 
 def gathered(messages: Sequence[Any], *, text: bool = True) -> Gathered:
-    """One column for each value that any of the messages has; without `text`, of numbers only."""
+    """One column for each value in any of the messages; without `text` numbers only."""
     plain, rest = _plain_columns(messages)
     found = _gathered(rest, text=text) if rest else Gathered()
     return replace(found, columns={key: v for key, v in plain.items() if text or v.dtype.kind == "f"} | found.columns)
 
 
 def _plain_columns(messages: Sequence[Any]) -> tuple[dict[str, NDArray[Any]], list[Any]]:
-    """The columns of what is a number or a text in all messages, and the messages without these, none if nothing is."""
+    """The columns of fields that are plain in all messages, and the rest of the messages, if there is any."""
     if not all(isinstance(message, dict) for message in messages):
         return {}, list(messages)
     columns = {}
@@ -72,7 +72,7 @@ def _gathered(messages: Iterable[Any], *, text: bool) -> Gathered:
             if isinstance(leaf.value, str) and not text:
                 continue
             values = known.setdefault(leaf.path, [])
-            if len(values) > count:  # a name that the message has twice
+            if len(values) > count:  # the message has this name twice
                 continue
             values.extend([None] * (count - len(values)))
             values.append(leaf.value)
@@ -85,7 +85,7 @@ def _gathered(messages: Iterable[Any], *, text: bool) -> Gathered:
 
 
 def column_of(values: list[float | str | None]) -> NDArray[Any]:
-    """Numbers as floats with NaN for None; text, or text among numbers, as it is."""
+    """Numbers as floats with NaN for None; a column with any text unchanged."""
     if any(isinstance(value, str) for value in values):
         return np.asarray(values, dtype=object)
     return np.asarray([np.nan if value is None else value for value in values], dtype=np.float64)
@@ -122,7 +122,7 @@ def leaves(message: Any, path: str = "", labels: tuple[str, ...] = (), depth: in
 
 
 def _fields(message: Any) -> Any:
-    """Arrays as lists, objects as mappings of their fields; None for what is neither, such as a number."""
+    """Arrays as lists, objects as mappings of their fields; None for other values, such as numbers."""
     if isinstance(message, np.ndarray):
         return message.tolist() if message.ndim else None
     if isinstance(message, array):
@@ -134,7 +134,7 @@ def _fields(message: Any) -> Any:
 
 
 def names_in(message: Mapping[Any, Any], labels: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
-    """The key of the message's list of names, and the names; "" and the names of the message around it without one."""
+    """The key of the message's list of names, and the names; without one "" and `labels` of the outer message."""
     for key in _LISTS_OF_NAMES:
         names = message.get(key)
         if isinstance(names, list | tuple) and names and all(isinstance(name, str) and name for name in names):

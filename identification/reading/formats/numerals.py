@@ -1,4 +1,4 @@
-"""Numbers as people write them: with a decimal comma, with separators between the thousands."""
+"""Numbers in local notation: with a decimal comma, with separators of thousands."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _POINT = re.compile(rf"[+-]?\d*\.(\d{{1,2}}|\d{{4,}}){_EXPONENT}$")  # three dig
 
 @dataclass(frozen=True)
 class _Writing:
-    """One way to write numbers, as patterns: any number in it, and those that are unambiguous."""
+    """One notation of numbers, as patterns: any number in it, and unambiguous numbers."""
 
     thousands: str
     decimal: str
@@ -39,16 +39,16 @@ _ENGLISH, _CONTINENTAL = _Writing(",", "."), _Writing(".", ",")
 
 
 def has_decimal_comma(cells: Sequence[str]) -> bool:
-    """Whether the numbers of a table have a decimal comma: one does, and none has a decimal point."""
+    """Whether the numbers of a table have a decimal comma: at least one has, and none has a decimal point."""
     points = re.compile(_ENGLISH.beyond_doubt())
     return any(map(_COMMA.match, cells)) and not any(_POINT.match(cell) or points.fullmatch(cell) for cell in cells)
 
 
 def plain_columns(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-    """The columns of a table, as floats where all cells of one are numbers in one way of writing.
+    """The columns of a table; those with numbers in one notation as floats.
 
-    A column needs an unambiguous number, or another column with separators that has one: all are written in one way.
-    Any other column is returned as it is.
+    A column needs an unambiguous number, or an unambiguous column in the same table, as the notation is the same. Other
+    columns are returned unchanged.
     """
     found = [plain_numbers(column) for column in columns]
     used = {writing for column in columns if (writing := _writing_of(column)) is not None}
@@ -62,16 +62,16 @@ def plain_columns(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
 
 
 def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
-    """The column as floats where all its cells are numbers in one way of writing, at least one of them unambiguous.
+    """The column as floats if all its cells are numbers in one notation, at least one of them unambiguous.
 
-    Any other column is returned as it is.
+    Any other column is returned unchanged.
     """
     writing = _writing_of(values)
     return values if writing is None else _as_floats(values, writing)
 
 
 def _writing_of(values: NDArray[Any]) -> _Writing | None:
-    """The way in which all cells of a column are written, at least one unambiguous; None where there is none."""
+    """The notation of all cells of a column, if at least one is unambiguous; else None."""
     if values.dtype.kind not in "OUT":
         return None
     for writing in (_ENGLISH, _CONTINENTAL):
@@ -88,10 +88,10 @@ def _given(values: NDArray[Any]) -> pd.Series[str]:
 
 
 def _all_in(values: NDArray[Any], writing: _Writing) -> bool:
-    """Whether each cell of a column is a number in a way of writing, and there is one."""
+    """Whether the column has cells and each one is a number in a notation."""
     given = _given(values)
     pattern = writing.any_number()
-    if not len(given) or not given.head(50).str.fullmatch(pattern).all():  # dates and labels go at once
+    if not len(given) or not given.head(50).str.fullmatch(pattern).all():  # quick test for dates and labels
         return False
     return bool(given.str.fullmatch(pattern).all())
 

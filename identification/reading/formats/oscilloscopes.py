@@ -1,11 +1,11 @@
-"""Exports of oscilloscopes whose table is not one: the time is left to be computed, or settings are beside it.
+"""Exports of oscilloscopes without a plain table: the time must be computed, or settings are in the same rows.
 
 Rigol (DS and MSO) has the columns `X, CH1, ..., Start, Increment`, with the start and the increment of the time in the
-row of units; `X` counts the samples, or is left out. Newer ones write `CH1V, ..., t0 = -0.5, tInc = 1e-6` above the
+row of units; `X` counts the samples, or is left out. Newer models write `CH1V, ..., t0 = -0.5, tInc = 1e-6` above the
 numbers. Yokogawa (DL, DLM, SL) writes settings with a value for each trace, and blocks of samples; the time of sample n
-of a block is HResolution (n - 1) + HOffset in HUnit. Tektronix (TDS and TBS, a file for each channel) has keys and
-values of the settings in the first columns, and time and voltage in the fourth and fifth. Other oscilloscopes write a
-table with a time.
+of a block is HResolution (n - 1) + HOffset in HUnit. Tektronix (TDS and TBS, one file per channel) has keys and values
+of the settings in the first columns, and time and voltage in the fourth and fifth. Other oscilloscopes write a table
+with a time.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from collections.abc import Sequence
 from identification.errors import MalformedLog
 from identification.reading.formats.layout import Layout
 
-_KEYS = 40  # lines in which Tektronix writes settings
+_KEYS = 40  # lines that are searched for settings
 _TIME, _VALUE = 3, 4  # columns of Tektronix
 _CLOCK = re.compile(r"(t0|tInc)\s*=\s*([-+.\deE]+?)\s*s?")  # of a newer Rigol
-_CHANNEL = re.compile(r"(CH\d+|MATH\d+)([A-Z])")  # and its unit behind it
+_CHANNEL = re.compile(r"(CH\d+|MATH\d+)([A-Z])")  # name and unit
 
 
 def oscilloscope(lines: Sequence[str], name: str) -> tuple[list[str], Layout] | None:
-    """The lines as a table with a time, and its layout; None of any other file. Line numbers stay.
+    """The lines as a table with a time, and its layout; None for any other file. Line numbers are unchanged.
 
     Raises `MalformedLog` for traces that were not sampled at the same times.
     """
@@ -45,7 +45,7 @@ def _rigol(lines: Sequence[str]) -> tuple[list[str], Layout] | None:
 
 
 def _counted(lines: Sequence[str], begin: int, start: float, step: float, columns: Sequence[int]) -> list[str]:
-    """The lines with the time of their count, in the first cell, in its place."""
+    """The lines with the sample count in the first cell replaced by its time."""
     table = list(lines)
     for place in range(begin, len(table)):
         count, *values = table[place].split(",")
@@ -95,7 +95,7 @@ def _yokogawa(lines: Sequence[str], name: str) -> tuple[list[str], Layout] | Non
 
 
 def _is_data(line: str) -> bool:
-    """Whether a line holds numbers, and nothing else."""
+    """Whether a line has numbers only."""
     cells = [cell.strip() for cell in line.split(",") if cell.strip()]
     return bool(cells) and all(math.isfinite(_number(cell)) for cell in cells)
 
@@ -103,7 +103,7 @@ def _is_data(line: str) -> bool:
 def _timed(
     lines: Sequence[str], begin: int, start: float, step: float, columns: Sequence[int], *, block: int = 0
 ) -> list[str]:
-    """The lines with a time in front of some of their cells; it begins again with each block of so many samples."""
+    """The lines with a time before the cells of `columns`; it restarts with each `block` of samples."""
     table, count = list(lines), 0
     for place in range(begin, len(table)):
         cells = [cell.strip() for cell in table[place].split(",")]

@@ -1,4 +1,4 @@
-"""Bags of robots as MCAP: messages in JSON, and those of ROS 2 in CDR, each topic on a clock of its own."""
+"""Bags of robots as MCAP: messages in JSON, and those of ROS 2 in CDR; each topic has its clock."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from identification.reading.formats.messages import gathered
 from identification.reading.table import Table
 from identification.recording import Array
 
-_LARGEST = 1 << 16  # bytes of a message; what is larger is a picture or a cloud of points
+_LARGEST = 1 << 16  # bytes of a message; a larger one is a picture or a point cloud
 
 
 @dataclass(kw_only=True)
 class _Topic:
-    """Messages of one topic; when they were logged and, if their headers tell, stamped [ns]."""
+    """Messages of one topic; times of logging and, if their headers have them, time stamps [ns]."""
 
     messages: list[Any] = field(default_factory=list)
     logged: array[int] = field(default_factory=lambda: array("q"))
@@ -31,7 +31,7 @@ class _Topic:
 
     @property
     def has_stamps(self) -> bool:
-        """Whether every message has a stamp, and they rise."""
+        """Whether every message has a time stamp, and they never decrease."""
         return len(self.stamped) == len(self.logged) and min(self.stamped) > 0 and not np.any(np.diff(self.stamped) < 0)
 
 
@@ -40,9 +40,9 @@ class _Unknown(Exception):
 
 
 def read_mcap(content: bytes, name: str, sha256: str) -> Table:
-    """The numbers in the messages of each topic, as `/topic.field`; of lists with names, `/topic.position:elbow`.
+    """The numbers in the messages of each topic, as `/topic.field`; for lists with names `/topic.position:elbow`.
 
-    Raises `MalformedLog` where no message is in an encoding that can be read.
+    Raises `MalformedLog` if no message has a readable encoding.
     """
     notes: list[str] = []
     return table_of(list(_channels(_topics(content, notes))), name, sha256, notes)
@@ -60,7 +60,7 @@ def _topics(content: bytes, notes: list[str]) -> dict[str, _Topic]:
             continue
         try:
             said, stamp = _decoded(message.data, source.message_encoding, schema, factory)
-        except Exception as error:  # whatever a definition beyond the decoder leads it to; the other topics are sound
+        except Exception as error:  # from an unsupported definition; other topics may be valid
             why = "" if isinstance(error, _Unknown) else ", which cannot be decoded"
             unread[source.topic] = f"{source.message_encoding or 'unknown'}{why}"
             topics.pop(source.topic, None)
@@ -80,7 +80,7 @@ def _topics(content: bytes, notes: list[str]) -> dict[str, _Topic]:
 
 
 def _decoded(data: bytes, encoding: str, schema: Any, factory: Any) -> tuple[Any, int]:
-    """A message and its stamp [ns], 0 without one; raises `_Unknown` where there is no decoder for the encoding."""
+    """A message and its time stamp [ns], 0 without one; raises `_Unknown` if the encoding has no decoder."""
     if encoding == "json":
         return json.loads(data), 0
     decode = factory.decoder_for(encoding, schema)
@@ -91,7 +91,7 @@ def _decoded(data: bytes, encoding: str, schema: Any, factory: Any) -> tuple[Any
 
 
 def _without_header(message: Any) -> int:
-    """The stamp of a message's header [ns], 0 without one; the header is no channel and goes."""
+    """The time stamp of a message's header [ns], 0 without one; a header with a stamp is removed from the message."""
     header = getattr(message, "header", None)
     stamp = getattr(header, "stamp", None)
     if stamp is None:
@@ -101,7 +101,7 @@ def _without_header(message: Any) -> int:
 
 
 def _channels(topics: dict[str, _Topic]) -> Iterator[Channel]:
-    """Each topic on its stamps if it has them, brought to the clock of the log by one shift for all; else as logged."""
+    """Each topic with its time stamps, shifted to the clock of the log by one common offset, else as logged."""
     stamped = [topic for topic in topics.values() if topic.has_stamps]
     late = [np.asarray(topic.logged) - np.asarray(topic.stamped) for topic in stamped]
     shift = int(np.median(np.concatenate(late))) if late else 0

@@ -1,4 +1,4 @@
-"""Text tables as engineers' tools export them: any separator, decimal commas, one time column per channel."""
+"""Text tables as exported by engineering tools: any separator, decimal commas, one time column per channel."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from identification.reading.formats.oscilloscopes import oscilloscope
 from identification.reading.formats.twincat_scope import ScopeHeader, find_scope_header, group_starts, read_groups
 from identification.reading.table import Table
 
-_LINES_OF_A_NAME = 8  # names may stand on two lines each: "Time", "(s)"
+_LINES_OF_A_NAME = 8  # most lines of a quoted name: "Time", "(s)"
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
-_AS_DATA_BEGIN = frozenset("0123456789+-.,;\t")  # first characters that need no closer look
+_AS_DATA_BEGIN = frozenset("0123456789+-.,;\t")  # first characters of ordinary lines of data
 
 
 def parse_text(content: bytes, name: str, sha256: str) -> Table:
-    """The columns of a text table, and what was skipped.
+    """The columns of a text table, with notes on skipped lines.
 
-    Raises `MalformedLog` when there is no data, or a line that does not fit.
+    Raises `MalformedLog` if there is no data, or a line that does not fit.
     """
     lines = _lines(decoded(content, name))
     refuse_bus(lines, name)
@@ -49,7 +49,7 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
         notes.append(
             f"{name}: the first line is incomplete, as where a serial port is opened within a line; it is left out"
         )
-    ends = {width, *starts} if grouped else {width}  # where the slower groups have ended, rows are shorter
+    ends = {width, *starts} if grouped else {width}  # rows are shorter after the end of slower groups
     last = len(split(body.lines[-1], layout.separator))
     if len(body.lines) > 1 and last < width and last not in ends:
         notes.append(f"{name}: the last line ({body.line(len(body.lines))}) is cut off and left out")
@@ -90,7 +90,7 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
 
 
 def _layout(lines: list[str], scope: ScopeHeader | None, name: str) -> tuple[list[str], Layout]:
-    """The layout of a text, and its lines, which are rewritten where an oscilloscope put them down as no table."""
+    """The lines of a text and their layout; an oscilloscope's export without a plain table is rewritten as one."""
     if scope is not None:
         bare = ("",) * len(scope.names)
         return lines, Layout(separator=scope.separator, names=scope.names, units=bare, start=scope.data_line)
@@ -98,9 +98,9 @@ def _layout(lines: list[str], scope: ScopeHeader | None, name: str) -> tuple[lis
 
 
 def decoded(content: bytes, name: str) -> str:
-    """The text of a file in UTF-8, UTF-16 with its mark, or Latin-1.
+    """The text of a file in UTF-8, UTF-16 with its byte order mark, or Latin-1.
 
-    Raises `MalformedLog` where it is no text.
+    Raises `MalformedLog` if it is not text.
     """
     wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     for encoding in ("utf-16",) if wide else ("utf-8-sig", "latin-1"):  # latin-1 reads any byte
@@ -114,7 +114,7 @@ def decoded(content: bytes, name: str) -> str:
 
 
 def _lines(text: str) -> list[str]:
-    """The lines, whatever ends them: csv.writer on Windows writes CR CR LF."""
+    """The lines, with any line ending: csv.writer on Windows writes CR CR LF."""
     lines = text.replace("\r\r\n", "\n").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     while lines and lines[-1].strip() in ("", "EOF"):
         lines.pop()
@@ -122,7 +122,7 @@ def _lines(text: str) -> list[str]:
 
 
 def _whole_names(lines: list[str]) -> list[str]:
-    """The lines, where a quoted name above the table goes on in the next one; that one is left blank."""
+    """The lines, with quoted names that continue on further lines joined; those lines become blank."""
     for k in range(min(len(lines) - 1, SEARCHED_LINES)):
         end = k + 1
         while lines[k].count('"') % 2 and end < min(len(lines), k + _LINES_OF_A_NAME):
@@ -133,7 +133,7 @@ def _whole_names(lines: list[str]) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Body:
-    """The lines of data, and the number of each, counted from 1 at the first one, where others stand between them."""
+    """The lines of data; `rows`: number of each, counted from 1 at the first one, None if no line was left out."""
 
     lines: list[str]
     first_line: int
@@ -151,7 +151,7 @@ class _Body:
 
 
 def _body(lines: list[str], start: int, name: str) -> _Body:
-    """The lines from the first row on, without blank ones, comments, and names that stand there again."""
+    """The lines from the first row on, without blank lines, comments, and repeated headers."""
     head = {line for line in lines[max(start - SEARCHED_LINES, 0) : start] if line.strip()}
     suspects = [k for k in range(start, len(lines)) if lines[k][:1] not in _AS_DATA_BEGIN]
     again = [k for k in suspects if lines[k] in head]
@@ -175,7 +175,7 @@ def _unread(layout: Layout, name: str) -> list[str]:
 
 
 def _called(header: Sequence[str], columns: list[NDArray[Any]]) -> list[str]:
-    """A name for each column: its own if it is the first so called, else its place; empty ones at the end have none."""
+    """The name of each column: from the header if not used before, else its number; empty last columns are dropped."""
     width = len(columns)
     while width and not header[width - 1] and np.asarray(columns[width - 1] != columns[width - 1]).all():
         width -= 1
@@ -202,7 +202,7 @@ def _parse(body: _Body, separator: str, width: int, name: str) -> list[NDArray[A
             header=None,
             names=list(range(width)),
             index_col=False,
-            skip_blank_lines=False,  # so that rows keep their line numbers
+            skip_blank_lines=False,  # line numbers must not change
             skipinitialspace=True,
             low_memory=False,
         )

@@ -1,7 +1,7 @@
-"""Exports with a time for each group of channels, as TwinCAT Scope writes them and oscilloscopes do.
+"""Exports with one time column per group of channels, as from TwinCAT Scope and oscilloscopes.
 
-A line of names such as `Name, a, b, Name, c` puts the channels a and b on the times of the first column and c on those
-of the fourth. TwinCAT Scope (Beckhoff TE13xx, export in csv) repeats the key in each line of its header, among them
+With a line of names such as `Name, a, b, Name, c`, the channels a and b have the times of the first column, and c those
+of the fourth. TwinCAT Scope (Beckhoff TE13xx, export in csv) repeats the key in each line of its header, for example
 `SampleTime[ms]` and `Unit`; its times are milliseconds since the start, or counts of 100 ns since the year 1601.
 """
 
@@ -19,15 +19,15 @@ from identification.errors import MalformedLog
 from identification.reading.column_meaning import is_time, time_unit
 
 _SEARCHED_LINES = 200
-_PROOF = {"SampleTime[ms]", "Starttime of export", "StartRecord"}  # nobody but TwinCAT Scope writes these
+_PROOF = {"SampleTime[ms]", "Starttime of export", "StartRecord"}  # only TwinCAT Scope writes these
 _NEUTRAL = {"ScaleFactor": "1", "Offset": "0", "Unit ScaleFactor": "1", "Unit Offset": "0"}
-_FILETIME = 1e15  # [100 ns]; as milliseconds, it would be thirty thousand years
+_FILETIME = 1e15  # [100 ns]; in milliseconds it would be thirty thousand years
 _NUMBER = re.compile(r"[+-]?\d+([.,]\d*)?([eE][+-]?\d+)?$")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScopeHeader:
-    """Header of a TwinCAT Scope export: where its names and data begin, and its further lines by their key."""
+    """Header of a TwinCAT Scope export: line of the names, first line of data, and its further lines by their key."""
 
     separator: str
     names_line: int
@@ -37,7 +37,7 @@ class ScopeHeader:
 
 
 def find_scope_header(lines: Sequence[str]) -> ScopeHeader | None:
-    """The header of a TwinCAT Scope export, or None where this is none."""
+    """The header of a TwinCAT Scope export, None for any other file."""
     if not lines or not re.match(r"Name[\t;,|]", lines[0]):
         return None
     separator = lines[0][4]
@@ -53,7 +53,7 @@ def find_scope_header(lines: Sequence[str]) -> ScopeHeader | None:
         None,
     )
     keys = [k for k, cells in enumerate(table[:data_line]) if cells[0] == "Name"]
-    if data_line is None or len(keys) < 2:  # the first line names the scope, the last such line the channels
+    if data_line is None or len(keys) < 2:  # the first such line is the scope's name, the last one has the channels
         return None
     width = len(table[keys[-1]])
     return ScopeHeader(
@@ -66,7 +66,7 @@ def find_scope_header(lines: Sequence[str]) -> ScopeHeader | None:
 
 
 def group_starts(names: Sequence[str]) -> list[int]:
-    """Where a new time begins: at each column called as the first one, if that is called as times are."""
+    """Indices of the time columns: all with the name of the first one, if that is the name of a time or `Name`."""
     if not names or not (names[0] == "Name" or is_time(names[0])):
         return []
     return [k for k, name in enumerate(names) if name == names[0]]
@@ -74,9 +74,9 @@ def group_starts(names: Sequence[str]) -> list[int]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Groups:
-    """Channels with the times of their groups, their units, and what there is to tell.
+    """Channels with the times of their groups, their units, and notes.
 
-    row_by_row: whether the samples of each channel are those of the first rows, so that a sample has a line.
+    row_by_row: whether the samples of each channel are those of the first rows, so that a sample has a line number.
     """
 
     columns: dict[str, NDArray[Any]]
@@ -89,9 +89,9 @@ class Groups:
 def read_groups(
     names: Sequence[str], frame: Sequence[NDArray[Any]], scope: ScopeHeader | None, units: Sequence[str], file: str
 ) -> Groups:
-    """Split the columns of a table into channels with clocks of their own; `units` are those of a row below the names.
+    """Split the columns of a table into channels with separate clocks; `units` are those of a row below the names.
 
-    Raises `MalformedLog` where a channel holds text.
+    Raises `MalformedLog` if a channel has text.
     """
     try:
         numbers = [np.asarray(values, dtype=np.float64) for values in frame]
@@ -121,7 +121,7 @@ def read_groups(
 
 
 def _units(names: Sequence[str], scope: ScopeHeader | None, file: str) -> tuple[dict[str, str], tuple[str, ...]]:
-    """The channels' units, but for those that the scope scales: the file does not say whether the export did so."""
+    """Units of the channels, without those scaled in the scope: the file does not say if the export is scaled."""
     if scope is None:
         return {}, ()
     units = {"time": "ms"}

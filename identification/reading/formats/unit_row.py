@@ -1,6 +1,6 @@
-"""Rows of units below the names of a table, `s;N m;rad`, `(s),(V)`, and lines above it that say units and labels.
+"""Rows of units below the names of a table, `s;N m;rad`, `(s),(V)`, and lines above it with units and labels.
 
-LabVIEW writes `Y_Unit_Label` for all columns but the time, oscilloscopes `Vertical Units` and `Label`.
+LabVIEW writes `Y_Unit_Label` for all columns except the time, oscilloscopes `Vertical Units` and `Label`.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from identification.reading.units import is_unit
 
 NO_UNIT = {"", "-", "--", "1", "none", "(none)", "n/a", "[]", "[-]", "()", "(-)"}
-"""What files write where a column has no unit."""
+"""Texts in files for a column without a unit."""
 
 _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _UNITS_ABOVE = {"y_unit_label", "vertical units", "units", "unit", "einheit", "einheiten"}
 _LABELS_ABOVE = {"label", "labels"}
-_NUMBERED = re.compile(r"ch(annel|an)?[ _]?\d+", re.I)  # names that say nothing
-_LONGEST = 24  # characters of a unit; what is longer is a description
+_NUMBERED = re.compile(r"ch(annel|an)?[ _]?\d+", re.I)  # names without a meaning
+_LONGEST = 24  # characters of a unit; a longer text is a description
 
 
 def row_of_units(cells: Sequence[str]) -> list[str] | None:
-    """The unit of each column, "" where it has none; None where the row holds anything else."""
+    """The unit of each column, "" without one; None if the row has anything else."""
     units = [_unit(cell) for cell in cells]
     if not any(units) or None in units:
         return None
@@ -29,7 +29,7 @@ def row_of_units(cells: Sequence[str]) -> list[str] | None:
 
 
 def _unit(cell: str) -> str | None:
-    """The unit in a cell, None where it is no unit."""
+    """The unit in a cell, "" without one; None if the cell is anything else."""
     text = cell.strip()
     if text.lower() in NO_UNIT:
         return ""
@@ -40,7 +40,7 @@ def _unit(cell: str) -> str | None:
 
 
 def units_above(above: Iterable[Sequence[str]], width: int) -> list[str] | None:
-    """The units that a line of the preamble gives the columns of a table; None without such a line."""
+    """The units of the columns from a line of the preamble; None without such a line."""
     for cells in _said(above, _UNITS_ABOVE, width):
         if (units := row_of_units(cells)) is not None:
             return units
@@ -48,7 +48,7 @@ def units_above(above: Iterable[Sequence[str]], width: int) -> list[str] | None:
 
 
 def labelled(names: Sequence[str], above: Iterable[Sequence[str]]) -> list[str]:
-    """Names of which a `CH1` is replaced by the label that the preamble gives it."""
+    """The names, with a `CH1` replaced by its label in the preamble."""
     for labels in _said(above, _LABELS_ABOVE, len(names)):
         called = [
             label if label and _NUMBERED.fullmatch(name) else name for name, label in zip(names, labels, strict=True)
@@ -59,7 +59,7 @@ def labelled(names: Sequence[str], above: Iterable[Sequence[str]]) -> list[str]:
 
 
 def _said(above: Iterable[Sequence[str]], keys: Collection[str], width: int) -> Iterator[list[str]]:
-    """The cells of lines that begin with one of some keys, one a column: of all, or of all but the time."""
+    """The cells of lines that begin with one of the keys: one per column, or one per column except the time."""
     for cells in above:
         if not cells or cells[0].strip().strip(":#").strip().lower() not in keys:
             continue
