@@ -142,7 +142,7 @@ def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Exp
 
     rivals = rivals_of(found)
     if rivals is None:
-        return None, "No experiment was designed: no competing effect is likelier than that no effect is missing."
+        return None, "No experiment was designed: that nothing is missing is more probable than any competing effect."
     try:
         experiment = separating_experiment(*rivals, Limits.of(found.base.log), seed=seed, progress=progress)
     except BadParameter as refusal:

@@ -19,8 +19,8 @@ FIRST = (
     "  antidrive demo",
     "  antidrive inspect log.csv",
     "  antidrive diagnose antidrive-out/log.toml",
-    "Exit code 0: done; 2: bad input, reported in one sentence; 1: anything else. More on a command: antidrive COMMAND "
-    "--help.",
+    "Exit code 0: done; 2: bad input, reported in one sentence; 130 or 143: stopped; 1: anything else. "
+    "More on a command: antidrive COMMAND --help.",
 )
 """Text below the commands, by paragraph."""
 

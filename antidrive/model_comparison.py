@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from diagnosis.explanation.wording import title_of
-from diagnosis.levels import SURE
+from diagnosis.levels import INEXACT, SURE
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.simulation import free_simulation
@@ -34,7 +34,8 @@ class Change:
 
     Attributes:
         before, after: its value, each with its standard error; None if unknown.
-        moved: whether the difference is significant, given the number of parameters.
+        moved: whether the difference is significant, given the number of parameters, and larger than a hundredth of the
+            parameter: no model is exact to less.
     """
 
     name: str
@@ -56,7 +57,7 @@ class Change:
         """Text in one line."""
         if self.after is None:
             return f"{self.name}: this log does not determine it (it was {self.before:.4g} {printed(self.unit)})"
-        change = "" if not self.before else f"{100.0 * (self.after / self.before - 1.0):+.2g} %"
+        change = "" if not self.before else f"{100.0 * (self.after / self.before - 1.0):+.3g} %"
         size = abs(self.errors or 0.0)
         errors = "" if self.errors is None else f"{size:.{0 if size >= 10.0 else 1}f} standard errors"
         about = ", ".join(part for part in (change, errors) if part)
@@ -212,7 +213,15 @@ def _changes(before: ModelFile, found: Diagnosis) -> tuple[Change, ...]:
     ]
     told = [change for change in changes if change.errors is not None]
     limit = float(-ndtri(0.5 * _CHANCE / max(len(told), 1)))  # Bonferroni correction
-    return tuple(Change(**{**vars(c), "moved": c.errors is not None and abs(c.errors) > limit}) for c in changes)
+    return tuple(replace(change, moved=_has_moved(change, limit)) for change in changes)
+
+
+def _has_moved(change: Change, limit: float) -> bool:
+    """Whether a change is significant and larger than what any model is exact to."""
+    if change.errors is None or change.after is None:
+        return False
+    size = max(abs(change.before), abs(change.after))
+    return abs(change.errors) > limit and abs(change.after - change.before) > INEXACT * size
 
 
 def _rms(log: Log, model: ServoModel) -> float:

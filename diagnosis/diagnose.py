@@ -26,7 +26,7 @@ from diagnosis.nonparametric_residual import with_curves
 from diagnosis.refit import estimates
 from diagnosis.rejection import rejected
 from diagnosis.repeated_runs import repeats
-from diagnosis.residual_torque import effects_over, residual_torque, torque_of
+from diagnosis.residual_torque import ResidualTorque, effects_over, residual_torque, torque_of
 from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
 from diagnosis.validation_only import is_of_parameters, only_in_validation
@@ -161,7 +161,7 @@ def _diagnosed(
         causes=tuple(sorted((_cause(found, judgement, name) for name in judgement.causes), key=lambda c: -c.rms)),
         minor=tuple(_minor(found, name, p) for name, p in judgement.minor.items()),
         sets=_sets(found.posterior, judgement),
-        unknown=_unknown(found, judgement, float(np.sqrt(np.mean(missing.command**2)))),
+        unknown=_unknown(found, judgement, missing),
         without=found.without,
         rejected=rejected(null, found.posterior, effects, {*judgement.causes, *judgement.minor}, found.falsified),
         gain=gain,
@@ -200,16 +200,23 @@ def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
     )
 
 
-def _unknown(found: Tenable, judgement: Judgement, level: float) -> Unknown:
-    """The unexplained part: discrepancy and non-parametric effects; `level` is the rms torque of the log [N m]."""
+def _unknown(found: Tenable, judgement: Judgement, missing: ResidualTorque) -> Unknown:
+    """The unexplained part: discrepancy and non-parametric effects; `missing` is the residual torque of the causes.
+
+    Of what is certain the size is at least that of the residual torque: no smooth function follows all of it.
+    """
     posterior, best = found.posterior, found.posterior.best
     beside, torques = best.discrepancy.posterior, frozenset(unnamed) - of_reading
-    instead = [torque_of(found.fit, name)[0] / level for name in sorted(best.names & torques)]
+    level = float(np.sqrt(np.mean(missing.command**2)))
+    sizes = [torque_of(found.fit, name)[0] / level for name in sorted(best.names & torques)]
+    probability = max(beside.material, posterior.nameless(torques))
+    if probability > SURE:
+        sizes.append(missing.excess)
     return Unknown(
-        probability=max(beside.material, posterior.nameless(torques)),
+        probability=probability,
         measurement_error=max(beside.measurement_error, posterior.nameless(of_reading)),
         depends_on=judgement.depends_on,
-        share=max((best.weighed.share, *instead)),
+        share=max((best.weighed.share, *sizes)),
     )
 
 

@@ -258,14 +258,16 @@ def _is_told_together(fit: Fit, size: str) -> bool:
 def _sizes(name: str) -> list[str]:
     """Size parameters of a catalogue effect: if all of them are zero, the effect vanishes.
 
-    They are torques that may be zero, or angles that cannot be negative.
+    They are torques that may be zero, or angles and delays that cannot be negative.
     """
     kind = catalogue.get(name)
     specs = () if kind is None else kind.parameters()
     return [
         spec.name
         for spec in specs
-        if ("{torque}" in spec.unit and spec.lower <= 0.0) or (spec.unit == "{angle}" and spec.lower == 0.0)
+        if ("{torque}" in spec.unit and spec.lower <= 0.0)
+        or (spec.unit == "{angle}" and spec.lower == 0.0)
+        or (spec.unit == "s" and spec.lower >= 0.0)
     ]
 
 

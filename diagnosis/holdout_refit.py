@@ -48,7 +48,8 @@ class HoldoutDifference:
 
 def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]:
     """Parameters of a fit that differ by more than four standard errors on validation data, or are more precise."""
-    problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, known=fit.known)
+    instants = [spec.name for spec in fit.model.parameters if spec.unit == "s" and spec.lower < 0.0]  # of this log
+    problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, fixed=instants, known=fit.known)
     at_first = first_states(holdout)
     tried = [
         problem.minimise(problem.pack(values, at_first), fit.bandwidth, 0.0, iterations=15) for values in _starts(fit)
@@ -72,7 +73,9 @@ def _starts(fit: Fit) -> list[Array]:
 
 
 def _compared(here: FittedParameter, there: FittedParameter) -> HoldoutDifference | None:
-    if here.fixed or here.name.split(".")[0] in unnamed or there.value is None or there.std is None or there.at_bound:
+    if here.fixed or there.fixed or here.name.split(".")[0] in unnamed:
+        return None
+    if there.value is None or there.std is None or there.at_bound:
         return None
     value = there.value
     if here.value is not None and here.std is not None:

@@ -39,7 +39,9 @@ def on_its_best_peak(fit: Fit, without: Mapping[str, Fit]) -> Fit:
     """
     chaotic = [effect.name for effect in fit.model.effects if effect.chaotic and effect.name in without]
     for name in chaotic:
-        fit = multistart_refit(without[name], fit, name)
+        other = multistart_refit(without[name], fit, name)
+        if {*other.unidentifiable} <= {*fit.unidentifiable}:  # else it has no place for another effect
+            fit = other
     return with_scatter(fit) if chaotic else fit
 
 

@@ -187,7 +187,8 @@ def front_door() -> str:
 
 def commands() -> str:
     """What `--help` says of each command."""
-    parts = ["# Commands", "Exit code 0: done; 2: bad input, reported in one sentence on stderr; 1: anything else."]
+    codes = "0: done; 2: bad input, reported in one sentence on stderr; 130 or 143: stopped; 1: anything else."
+    parts = ["# Commands", f"Exit code {codes}"]
     for command in app.registered_commands:
         name = command.name or command.callback.__name__  # type: ignore[union-attr]
         said = io.StringIO()

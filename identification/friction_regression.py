@@ -69,8 +69,13 @@ def candidates(rows: dict[str, Array], one_way: bool, rotary: bool) -> Iterable[
         if scale:
             columns["excess"] = _hump(rows, scale)
         found = _fitted(columns, rows["torque"])
-        if found is not None and (not scale or found.values["excess"] > 0.0):
+        if found is not None and (not scale or _rises_to_breakaway(found)):
             yield replace(found, values=found.values | ({"stribeck_velocity": float(scale)} if scale else {}))
+
+
+def _rises_to_breakaway(found: Regression) -> bool:
+    """Whether the fitted Stribeck curve is one of friction: it brakes when sliding, and more before."""
+    return found.values["excess"] > 0.0 and found.values["coulomb"] >= 0.0
 
 
 def _hump(rows: dict[str, Array], scale: float) -> Array:
@@ -89,7 +94,7 @@ def refined(found: Regression, rows: dict[str, Array]) -> Regression:
         columns["excess"] = _hump(rows, scale)
         slope = 2.0 * best.values["excess"] * columns["excess"] * speed**2 / scale**3
         tried = _fitted(columns | {"stribeck_velocity": slope}, rows["torque"])
-        if tried is None or tried.values["excess"] <= 0.0:
+        if tried is None or not _rises_to_breakaway(tried):
             return found
         scale *= float(np.exp(np.clip(tried.values["stribeck_velocity"] / scale, -0.3, 0.3)))
         best = replace(tried, values=tried.values | {"stribeck_velocity": scale}, columns=columns)
@@ -97,7 +102,7 @@ def refined(found: Regression, rows: dict[str, Array]) -> Regression:
 
 
 def _fitted(columns: dict[str, Array], torque: Array) -> Regression | None:
-    """Huber's regression; None if the regressors are collinear or too many."""
+    """Huber's regression; None if the regressors are collinear or too many for the windows that count."""
     matrix = np.column_stack(list(columns.values()))
     scale = np.linalg.norm(matrix, axis=0)
     if torque.size <= matrix.shape[1] + 1 or np.any(scale == 0.0):
@@ -111,6 +116,8 @@ def _fitted(columns: dict[str, Array], torque: Array) -> Regression | None:
         off = torque - scaled @ solution
         sigma = max(1.4826 * float(np.median(np.abs(off))), 1e-12 * float(np.max(np.abs(torque))))
         weights = np.minimum(1.0, _HUBER * sigma / np.maximum(np.abs(off), 1e-300))
+    if np.sum(weights) < 2 * len(columns):  # as many as that can be met almost exactly, and the others are outliers
+        return None
     memory = float(np.clip(np.corrcoef(off[1:], off[:-1])[0, 1], 0.0, 0.95)) if np.ptp(off) > 0.0 else 0.0
     independent = torque.size * (1.0 - memory) / (1.0 + memory)
     spread = float(np.sum(weights * off**2)) / np.sum(weights)

@@ -30,6 +30,7 @@ _GROUPS = 24  # groups of windows over the whole range of velocities
 _WIDTH = 0.2  # of its speed: largest width of a group
 _MOST = (0.02, 0.98)  # quantiles of the speeds that must be further apart than
 _APART = 6.0  # standard errors
+_SURELY = 3.0  # standard errors from which friction is visible, or negative
 _MEANINGS = {
     "coulomb": "Coulomb friction F_c",
     "viscous": "Viscous friction K",
@@ -122,8 +123,10 @@ class FrictionTest(Presented):
                 more = " (with the offset: the load moves one way only)" if name == "coulomb" and self.one_way else ""
                 error = f" +- {self.std[name]:.2g}" if name in self.std else ""
                 lines.append(f"{meaning}: {found[name]:.4g}{error} {self.units[name]}{more}")
-        if min(found["coulomb"], found["viscous"]) < 0.0:
+        if any(found[name] < -_SURELY * self.std[name] for name in ("coulomb", "viscous")):
             lines.append("The friction is negative. Check that torque and angle belong together, and their signs.")
+        elif found["coulomb"] < _SURELY * self.std["coulomb"]:
+            lines.append("No Coulomb friction is visible.")
         if "excess" not in found:
             slowest = float(np.min(np.abs(self.velocity)))
             lines.append(f"No Stribeck friction is visible; the slowest speed is {slowest:.3g} {self.units['speed']}.")

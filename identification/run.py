@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,8 +83,8 @@ class Run:
             if not np.isfinite(value).all():
                 index = int(np.argwhere(~np.isfinite(value))[0][0])
                 raise MalformedLog(f"{self.label}, sample {index}: '{name}' is not a finite number, mask or repair it.")
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "valid", np.asarray(self.valid, dtype=bool))
+            object.__setattr__(self, name, _fixed(value))
+        object.__setattr__(self, "valid", _fixed(np.asarray(self.valid, dtype=bool)))
         if self.valid.shape != self.time.shape:
             raise MalformedLog(f"{self.label}: 'valid' has shape {self.valid.shape} instead of {self.time.shape}.")
         if len(self.time) < 2 or np.any(np.diff(self.time) <= 0):
@@ -175,3 +176,10 @@ def _pair(others: dict[str, Array], first: str, second: str) -> Array | None:
     if first in others and second in others:
         return np.stack([others[first], others[second]], axis=1)
     return None
+
+
+def _fixed(values: NDArray[Any]) -> NDArray[Any]:
+    """An array that cannot be changed in place; whoever passed it keeps a writeable one."""
+    view = values.view()
+    view.flags.writeable = False
+    return view

@@ -19,6 +19,12 @@ from plant.servo import ServoModel
 from plant.units import factor
 
 SCHEMA = 1
+_OTHERS = {
+    "verdict": "a diagnosis",
+    "log_likelihood": "a fit",
+    "changes": "a comparison",
+    "residual_rms": "a friction test",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,10 +93,18 @@ class ModelFile:
         }
 
     def write(self, path: Path) -> None:
-        """Write the file atomically."""
+        """Write the file atomically.
+
+        Raises:
+            OSError: the file cannot be written there; a file that was there before stays.
+        """
         draft = path.with_name(path.name + ".part")
-        draft.write_text(json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")
-        draft.replace(path)
+        try:
+            draft.write_text(json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")
+            draft.replace(path)
+        except OSError:
+            draft.unlink(missing_ok=True)
+            raise
 
 
 def write_model(model: ServoModel, path: Path | str) -> None:
@@ -131,6 +145,10 @@ def _parse(content: Any, known: Mapping[str, type[Effect]]) -> ModelFile:
     content = _mapping(content, "the file")
     schema = content.get("schema")
     if not isinstance(schema, int) or isinstance(schema, bool) or not 0 < schema <= SCHEMA:
+        kind = next((name for name, key in _OTHERS.items() if key in content), None)
+        if kind is not None or schema is None:
+            told = "without a schema this is no model" if kind is None else f"this is {kind}"
+            raise BadModelFile(f"{told}; give the model.json that `antidrive identify` or `diagnose` wrote.")
         raise BadModelFile(f"schema is {schema!r}; this version reads schemas 1 to {SCHEMA}.")
     axis = content.get("axis", "rotary")
     if axis not in get_args(Axis):

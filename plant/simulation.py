@@ -13,6 +13,7 @@ from plant.discrete import Method, Structure, integration_steps, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
 from plant.effects.goal_rate_limit import first_goal
+from plant.errors import BadParameter
 from plant.integrator import Step
 from plant.measured_torque import supporting_points
 from plant.servo import ServoModel
@@ -75,13 +76,17 @@ def simulate(
 
     Returns:
         (T + 1, n) states, the first one being `state`.
+
+    Raises:
+        BadParameter: no command, a command or a state that is not finite, or a time step that is not positive.
     """
-    command = np.asarray(command, dtype=float)
-    steps = np.broadcast_to(np.asarray(dt, dtype=float), command.shape)
+    command, steps = _checked(command, dt)
     now, before, switch = held_commands(model, command, steps)
     values = at_switch(model, switch)
     gain = np.broadcast_to(np.asarray(servo_gain, dtype=float), command.shape)
     begin = beginning(model, goal=first_goal(command, gain)) if state is None else np.asarray(state, dtype=float)
+    if begin.shape != (len(model.states),) or not np.isfinite(begin).all():
+        raise BadParameter(f"state must be {len(model.states)} finite numbers, one for each state of the model.")
     constant = np.ones_like(steps)
     time = np.concatenate(([0.0], np.cumsum(steps[:-1])))
     damping = np.broadcast_to(np.asarray(servo_damping, dtype=float), command.shape)
@@ -95,6 +100,16 @@ def simulate(
     step = sample_step(model, substeps=count, method=method)
     states = np.array(_repeated(step, command.size)(begin, inputs, values))
     return np.vstack((begin[None, :], states.T))
+
+
+def _checked(command: Array, dt: Array | float) -> tuple[Array, Array]:
+    """Command and time steps (T,), all finite."""
+    commands, steps = np.asarray(command, dtype=float), np.asarray(dt, dtype=float)
+    if commands.ndim != 1 or not commands.size or not np.isfinite(commands).all():
+        raise BadParameter("command must be a list of finite numbers, one for each sample.")
+    if steps.shape not in ((), commands.shape) or not (np.isfinite(steps).all() and np.all(steps > 0.0)):
+        raise BadParameter("dt must be a positive number of seconds, or one for each sample.")
+    return commands, np.broadcast_to(steps, commands.shape)
 
 
 @one_at_a_time

@@ -132,3 +132,22 @@ def test_the_command_says_what_is_wrong(tmp_path):
     spoken = antidrive("friction", log, "--out", tmp_path / "out")
     assert (spoken.code, spoken.err.count("\n")) == (2, 1)
     assert not (tmp_path / "out").exists()
+
+
+def test_no_friction_is_not_called_negative():
+    smooth = ServoModel(inertia=0.02, gravity=0.0, viscous_friction=0.05)
+    for seed in range(3):
+        lines = friction_test(Log.from_arrays(**driven(smooth, SWEEP, seed))).sentences()
+        assert "No Coulomb friction is visible." in lines
+        assert not any("negative" in line for line in lines)
+
+
+def test_a_stribeck_curve_never_drives():
+    """A multisine has few windows without a reversal: as many terms would meet them almost exactly."""
+    time = np.arange(12_000) * DT
+    parts = zip((0.9, 0.7, 0.5, 0.3), (0.17, 0.43, 0.9, 1.9), strict=True)
+    speed = sum(size * np.sin(2.0 * np.pi * rate * time + 7.0 * rate) for size, rate in parts)
+    found = friction_test(Log.from_arrays(**driven(STRIBECK, speed)))
+    assert found.values["coulomb"] >= 0.0
+    slow = np.array([-0.02, 0.02])
+    assert np.all(np.sign(slow) * (found.curve(slow) - found.values.get("offset", 0.0)) >= 0.0)

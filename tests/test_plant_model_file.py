@@ -221,3 +221,18 @@ def test_any_junk_gives_a_model_or_one_sentence(tmp_path_factory: Any, place: st
     except BadModelFile as error:
         message = str(error).replace(repr(junk), "junk")
     assert "\n" not in message
+
+
+@pytest.mark.parametrize(("key", "kind"), [("verdict", "a diagnosis"), ("log_likelihood", "a fit")])
+def test_another_file_of_ours_is_called_by_its_name(key: str, kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "diagnosis.json"
+    path.write_text(json.dumps({"schema": 2, key: 1}))
+    with pytest.raises(BadModelFile, match=f"this is {kind}; give the model.json"):
+        read_model(path)
+
+
+def test_a_model_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(OSError, match="taken"):
+        ModelFile(model=ServoModel(), std={}).write(tmp_path / "taken")
+    assert [each.name for each in tmp_path.iterdir()] == ["taken"]

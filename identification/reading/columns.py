@@ -58,6 +58,8 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     table, found = on_one_clock(table, known.found)
     if "time" not in found:
         table, found = _counted(table, found, float(reading.rate or 1.0))
+    elif reading.rate is not None:
+        raise BadParameter(f"{table.name} has times (column '{found['time']}'); leave the rate out.")
     axis = _axis(table, found, reading)
     for option in (reading.units, reading.scales):
         for column in option:
