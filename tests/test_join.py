@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 from sample_logs import motion, write
+from scipy.io import savemat
 from test_malformed_logs import check_sentence
 
+from identification import Log
 from identification.errors import MalformedLog
 from identification.reading.clocks import on_one_clock
 from identification.reading.files import read_table
 from identification.reading.join import join_tables
 from identification.reading.table import Table
+from plant.errors import BadParameter
 
 SOUND = motion(samples=400)
 SOUND["torque"] = np.sin(3 * SOUND["time"])
@@ -114,3 +119,22 @@ def test_samples_without_a_time_are_left_out(tmp_path):
     times[7] = np.nan
     joined = join_tables(tables(tmp_path, encoder=ENCODER | {"time": times}))
     assert len(joined.columns["angle"]) == len(joined.clocks["angle"]) == 399
+
+
+def test_the_times_of_two_matrices_without_names_are_in_the_same_place(tmp_path: Path) -> None:
+    """As Simulink writes them: a first row, or column, of times in each file."""
+    time = np.arange(0.0, 4.0, 0.01)
+    savemat(tmp_path / "drive.mat", {"u": np.column_stack((time, np.cos(time)))})
+    savemat(tmp_path / "load.mat", {"y": np.column_stack((time, np.sin(time)))})
+    log = Log.read(
+        [tmp_path / "drive.mat", tmp_path / "load.mat"], mapping={"time": "u:1", "torque": "u:2", "angle": "y:2"}
+    )
+    assert log.runs[0].output == pytest.approx(np.sin(time))
+    assert log.runs[0].command == pytest.approx(np.cos(time))
+
+
+def test_a_rate_beside_times_is_refused(tmp_path: Path) -> None:
+    time = np.arange(0.0, 4.0, 0.01)
+    (tmp_path / "log.csv").write_text("\n".join(["time,torque,angle", *(f"{t},{np.cos(t)},{np.sin(t)}" for t in time)]))
+    with pytest.raises(BadParameter, match="has times \\(column 'time'\\); leave the rate out"):
+        Log.read(tmp_path / "log.csv", rate=100.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -316,3 +317,32 @@ def test_a_definition_that_cannot_be_parsed_is_a_sentence(tmp_path):
     with pytest.raises(MalformedLog, match=r"not those of '/x' \(cdr, which cannot be decoded\)") as caught:
         read_table(tmp_path / "bag.mcap")
     check_sentence(str(caught.value))
+
+
+@pytest.mark.parametrize(
+    ("names", "joint", "others"),
+    [
+        (("elbow_joint_position", "elbow_joint_effort"), "elbow_joint", ("wrist_joint_position", "wrist_joint_effort")),
+        (("q:2", "tau:2"), "2", ("q:1", "tau:1")),
+        (("positions:2", "torques:2"), "2", ("positions:1", "torques:1")),
+    ],
+)
+def test_joints_in_names_and_in_columns_of_a_matrix(
+    names: tuple[str, str], joint: str, others: tuple[str, str], tmp_path: Path
+) -> None:
+    time = np.arange(0.0, 5.0, 0.01)
+    columns = {"time": time, names[0]: np.sin(time), names[1]: np.cos(time)}
+    columns |= dict.fromkeys(others, np.cos(2.0 * time))
+    table = "\n".join([",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))])
+    (tmp_path / "log.csv").write_text(table)
+    with pytest.raises(MalformedLog, match="the log has 2 joints, choose one with --joint NAME"):
+        Log.read(tmp_path / "log.csv")
+    run = Log.read(tmp_path / "log.csv", joint=joint).runs[0]
+    assert run.output == pytest.approx(np.sin(time))
+    assert run.command == pytest.approx(np.cos(time))
+
+
+def test_a_single_joint_in_a_name_needs_no_choice(tmp_path: Path) -> None:
+    rows = [f"{0.01 * k},{np.sin(0.01 * k)},{np.cos(0.01 * k)}" for k in range(500)]
+    (tmp_path / "log.csv").write_text("\n".join(["time,elbow_joint_position,elbow_joint_effort", *rows]))
+    assert len(Log.read(tmp_path / "log.csv").runs[0]) == 500

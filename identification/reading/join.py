@@ -73,6 +73,8 @@ def _clocked(table: Table, time: str | None) -> tuple[dict[str, NDArray[Any]], d
         return {name: table.columns[name] for name in clocks}, clocks
     table = with_whole_stamps(table)
     name = time if time in table.columns else next((name for name in table.columns if is_time(name)), None)
+    if name is None and time is not None and ":" in time:  # columns of matrices without names: the same place
+        name = next((name for name in table.columns if name.endswith(time[time.rindex(":") :])), None)
     if name is None:
         raise MalformedLog(f"{table.name}: no column is called as a time is, name it with --map time=NAME.")
     clock = _seconds(table, name)

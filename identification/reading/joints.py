@@ -17,13 +17,20 @@ from plant.errors import BadParameter
 
 _PATH = re.compile(r"(?P<topic>/.*)/(?P<joint>[^/]+)/(?P<quantity>position|velocity|effort)")  # PlotJuggler
 _LISTED = re.compile(r"(?P<field>.*[./])?(?P<quantity>position|velocity|effort)(?P<place>_?\d+|\[\d+\])")
+_FLAT = re.compile(r"(?P<joint>.+_joint)_(?P<quantity>position|velocity|effort|torque)")  # elbow_joint_position
+_NUMBERED = re.compile(r"(?P<quantity>[A-Za-z]+):(?P<joint>\d+)")  # columns of a matrix, as of an NPZ file
+_QUANTITIES = {
+    **dict.fromkeys(("position", "positions", "q"), "position"),
+    **dict.fromkeys(("velocity", "velocities", "qd", "dq"), "velocity"),
+    **dict.fromkeys(("effort", "efforts", "torque", "torques", "tau"), "effort"),
+}
 
 
 def with_joints(table: Table) -> Table:
-    """The table with the joints in its column names: `/joint_states/elbow/position`, `field.position0`."""
+    """The table with the joints in its column names: `/joint_states/elbow/position`, `field.position0`, `torques:2`."""
     if table.joint_of:
         return table
-    joint_of = _in_paths(table.columns)
+    joint_of = _in_paths(table.columns) or _in_names(table.columns, _FLAT) or _in_names(table.columns, _NUMBERED)
     for name in table.columns:
         if found := _LISTED.fullmatch(name):  # rostopic echo -p
             joint = _constant(table.columns.get(f"{found['field'] or ''}name{found['place']}"))
@@ -47,6 +54,21 @@ def _in_paths(names: Collection[str]) -> dict[str, tuple[str, str]]:
         for name, match in found.items()
         if match["topic"] in joined
     }
+
+
+def _in_names(names: Collection[str], pattern: re.Pattern[str]) -> dict[str, tuple[str, str]]:
+    """The joints in names of one pattern: two or more, each with a position and an effort, and all with the same."""
+    found = {name: match for name in names if (match := pattern.fullmatch(name))}
+    joint_of = {
+        name: (match["joint"], _QUANTITIES[match["quantity"].lower()])
+        for name, match in found.items()
+        if match["quantity"].lower() in _QUANTITIES
+    }
+    joints: dict[str, set[str]] = defaultdict(set)
+    for joint, quantity in joint_of.values():
+        joints[joint].add(quantity)
+    alike = len({frozenset(each) for each in joints.values()}) == 1
+    return joint_of if len(joints) > 1 and alike and {"position", "effort"} <= set.union(*joints.values()) else {}
 
 
 def select_joint(table: Table, joint: str | None = None, mapped: Collection[str] = ()) -> Table:

@@ -65,6 +65,8 @@ def recognise(table: Table, reading: Reading) -> Recognition:
     """
     known = Recognition()
     for column, wanted in reading.mapping.items():
+        if column == "time" and table.clocks and wanted not in table.columns:
+            continue  # it was that of the files before they were joined
         known.take(column, _named(table, column, wanted), AS_GIVEN)
     _refuse_twice(table, known)
     left = {name: table.units.get(name, "").strip() for name in table.columns if name not in known.found.values()}
