@@ -211,7 +211,9 @@ def _unknown(found: Tenable, judgement: Judgement, missing: ResidualTorque) -> U
     sizes = [torque_of(found.fit, name)[0] / level for name in sorted(best.names & torques)]
     probability = max(beside.material, posterior.nameless(torques))
     if probability > SURE:
-        sizes.append(missing.excess)
+        whole = np.concatenate([run.drive for run in found.fit.log.runs])
+        of_all = missing.excess * level / float(np.sqrt(np.mean(whole**2)))
+        sizes.append(min(of_all, 1.0))  # the torque of a model may be worse than none
     return Unknown(
         probability=probability,
         measurement_error=max(beside.measurement_error, posterior.nameless(of_reading)),

@@ -52,10 +52,11 @@ def _inverse_error(log: Log, model: ServoModel, cutoff: float) -> tuple[float, f
 def unexplained_torque(fit: Fit) -> str | None:
     """That a model explains none of the torque of its log though a regression explains most; None if that is not so.
 
-    Both are compared below the frequencies at which the noise of the encoder counts.
+    Both are compared in the usual band and in that in which the noise of the encoder does not count.
     """
-    cutoff = min(noise_cutoff(fit), inverse_cutoff(fit.log))
-    error, _ = _inverse_error(fit.log, fit.model, cutoff)
+    usual = inverse_cutoff(fit.log)
+    cutoff = min(noise_cutoff(fit), usual)
+    error = min(_inverse_error(fit.log, fit.model, each)[0] for each in (usual, cutoff))
     follows = torque_follows(fit.log, cutoff) if error >= 1.0 else None
     if follows is None:
         return None
