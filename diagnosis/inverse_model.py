@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from diagnosis.explanation.wording import joined_words
 from diagnosis.jackknife import jackknife
 from diagnosis.levels import LIKELY, SURELY
 from diagnosis.residual_torque import noise_cutoff
@@ -17,8 +18,9 @@ from diagnosis.result import TorqueError
 from identification.fit_result import Fit
 from identification.inverse import inverse_cutoff, torque_error_samples
 from identification.log import Log
-from identification.regression import regressed_torque_error
+from identification.regression import TorqueRegression
 from plant.servo import ServoModel
+from plant.units import printed
 
 
 def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: ServoModel) -> TorqueError:
@@ -65,13 +67,19 @@ def unexplained_torque(fit: Fit) -> str | None:
 
 def torque_follows(log: Log, cutoff: float | None = None) -> str | None:
     """That a regression on the motion explains most of the torque, and what follows if no fitted model does."""
-    error = regressed_torque_error(log, inverse_cutoff(log) if cutoff is None else cutoff)
-    if error**2 > 1.0 - LIKELY:
+    found = TorqueRegression.of(log, inverse_cutoff(log) if cutoff is None else cutoff)
+    if found.error**2 > 1.0 - LIKELY:
         return None
+    model = ServoModel(axis=log.axis, gravity=0.0, torque_unit=log.torque_unit)
+    units = {spec.name: printed(spec.unit) for spec in model.parameters} | {"coulomb_friction": log.command_unit}
+    names = ("inertia", *(("gravity",) if log.axis == "rotary" else ()), "viscous_friction", "coulomb_friction")
+    words = [f"{name.replace('_', ' ')} {getattr(found, name):.3g} {units[name]}" for name in names]
+    told = [each.replace("coulomb", "Coulomb") for each in words]
     return (
-        f"A regression of the torque on the measured motion has an error of {100.0 * error:.3g} %: in this log the "
-        "torque follows the motion, as in a tight loop or beside other moving joints, and does not predict it. Do not "
-        "use the fitted parameters; record a log in which only this axis moves and the torque is commanded."
+        f"A regression of the torque on the measured motion has an error of {100.0 * found.error:.3g} % "
+        f"({joined_words(told)}): in this log the torque follows the motion, as in a tight loop or beside other moving "
+        "joints, and does not predict it. Do not use the fitted parameters; record a log in which only this axis moves "
+        "and the torque is commanded."
     )
 
 

@@ -10,7 +10,7 @@ tried, from the sample time to the length of the log. The fit selects the best s
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,23 +50,45 @@ def starting_values(log: Log, model: ServoModel) -> list[Array]:
     return found
 
 
-def regressed_torque_error(log: Log, cutoff: float) -> float:
-    """Relative error of a regression of the torque on the measured motion, after the low pass of `torque_error` [Hz].
+@dataclass(frozen=True, kw_only=True)
+class TorqueRegression:
+    """Least squares of the torque on the measured motion, as robots are identified (Gautier 1997).
 
-    The columns are acceleration, gravity with any zero of the angle, velocity, its sign and one.
+    Attributes:
+        error: relative error, as `torque_error` has it [-].
+        inertia, gravity, viscous_friction, coulomb_friction: coefficients of the acceleration, of the angle with any
+            zero, of the velocity and of its sign, in the units of `plant.ServoModel`.
     """
-    columns, torques = [], []
-    for run in log.runs:
-        motion = filtered_motion(run, cutoff)
-        moved, inner = _moved(log.axis, motion, cutoff), _inner(motion, cutoff)
-        columns.append(moved[inner])
-        torques.append(_driven(run, None, motion, moved, cutoff)[inner, 0])
-    table, torque = np.vstack(columns), np.concatenate(torques)
-    sizes = np.linalg.norm(table, axis=0)
-    table = table / np.where(sizes > 0.0, sizes, 1.0)
-    left = torque - table @ np.linalg.lstsq(table, torque, rcond=None)[0]
-    level = float(np.linalg.norm(torque))
-    return float(np.linalg.norm(left)) / level if level > 0.0 else 1.0
+
+    error: float
+    inertia: float
+    gravity: float
+    viscous_friction: float
+    coulomb_friction: float
+
+    @classmethod
+    def of(cls, log: Log, cutoff: float) -> TorqueRegression:
+        """Of a log, after the low pass of `torque_error` [Hz]."""
+        columns, torques = [], []
+        for run in log.runs:
+            motion = filtered_motion(run, cutoff)
+            moved, inner = _moved(log.axis, motion, cutoff), _inner(motion, cutoff)
+            columns.append(moved[inner])
+            torques.append(_driven(run, None, motion, moved, cutoff)[inner, 0])
+        table, torque = np.vstack(columns), np.concatenate(torques)
+        sizes = np.linalg.norm(table, axis=0)
+        sizes[sizes == 0.0] = 1.0
+        scaled = table / sizes
+        positive = (True, False, True, True, False, False)  # inertia and friction
+        found = bounded_least_squares(scaled.T @ scaled, scaled.T @ torque, positive) / sizes
+        level = float(np.linalg.norm(torque))
+        return cls(
+            error=float(np.linalg.norm(torque - table @ found)) / level if level > 0.0 else 1.0,
+            inertia=float(found[0]),
+            gravity=float(np.hypot(found[1], found[5])),
+            viscous_friction=float(found[2]),
+            coulomb_friction=float(found[3]),
+        )
 
 
 def _cutoffs(log: Log) -> list[float]:

@@ -1,5 +1,6 @@
 """A model that only follows the motion, whatever the torque is, is no model of the machine, and that is said."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import antidrive as ad
 from diagnosis import diagnose, unexplained_torque
 from diagnosis.inverse_model import inverse_errors, torque_predicted_worse
 from identification import Log, Unidentifiable, fit
+from identification.regression import TorqueRegression
 from plant import ServoModel
 from plant.effects import GravityOffset
 
@@ -32,6 +34,12 @@ def test_a_torque_that_the_model_does_not_explain_is_said() -> None:
     warning = unexplained_torque(heavy)
     assert warning is not None
     assert "A regression of the torque on the measured motion has an error of" in warning
+    regression = TorqueRegression.of(log, 20.0)
+    assert regression.inertia == pytest.approx(0.6, rel=0.15)  # the disturbance is a third of the accelerating torque
+    assert regression.gravity == pytest.approx(30.0, rel=0.1)
+    assert regression.coulomb_friction >= 0.0
+    (told,) = re.findall(r"inertia ([\d.]+) kg m\^2, gravity", warning)
+    assert float(told) == pytest.approx(0.6, rel=0.15)
     noise = np.random.default_rng(1).normal(size=TIME.size)
     other = Log.from_arrays(time=TIME, torque=20.0 * noise, angle=log.runs[0].output)
     assert unexplained_torque(replace(heavy, log=other)) is None  # nothing explains this torque
