@@ -149,9 +149,11 @@ class LogOptions:
         reading = self.reading()
         log = Log.of_files(self.files, reading, done)
         holdout = Log.of_files(self.holdout, reading, done) if self.holdout else None
-        both = [source.file for source in log.sources if holdout is not None and source in holdout.sources]
-        if both:
-            raise BadParameter(f"--holdout {both[0]}: is fitted too, so it validates nothing; give another log.")
+        if holdout is not None:
+            from diagnosis.validation_split import fitted_too
+
+            if (both := fitted_too(log, holdout)) is not None:
+                raise BadParameter(f"--holdout {both}: is fitted too, so it validates nothing; give another log.")
         return Measured(log=log, holdout=holdout)
 
     def _known(self) -> Measured:

@@ -30,7 +30,7 @@ from diagnosis.residual_torque import ResidualTorque, effects_over, residual_tor
 from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
 from diagnosis.validation_only import is_of_parameters, only_in_validation
-from diagnosis.validation_split import parts, split_otherwise
+from diagnosis.validation_split import fitted_too, parts, split_otherwise
 from diagnosis.verdict import Judgement, alternatives, judged, log_bayes, variables_instead
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
@@ -92,6 +92,8 @@ def diagnose(
     tell = progress or (lambda line: None)
     given = None if holdout is None else log_of(holdout).usable(force=force)
     estimation, validation, said = parts(log, given)
+    if given is not None and (twice := fitted_too(log, given)) is not None:
+        said.append(f"{twice}: this run is fitted too, so it validates nothing; give another one.")
     found = _diagnosed(estimation, validation, start, known, effects, tell, said)
     if found.only_in_validation is None:
         return found

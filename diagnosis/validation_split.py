@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from identification.log import Log
 from identification.run import Run
 from plant.effects.effect import Array
-from plant.errors import BadParameter
 
 _SHARE = 0.3  # of a single run that is held out, at its end
 _BLOCKS, _IDLE = 100, 0.02  # blocks of a log; share of the largest travel in a block below which the load is at rest
@@ -26,17 +25,10 @@ def parts(log: Log, held_out: Log | None) -> tuple[Log, Log, list[str]]:
     Args:
         log: the whole log, or the estimation log if `held_out` is given.
         held_out: validation data chosen by the user, if any.
-
-    Raises:
-        BadParameter: a held-out run is one of the log.
     """
     if held_out is None:
         log, held_out, sentence = split(log)
         return log, held_out, [sentence]
-    if (
-        twice := next((run.label for run in held_out.runs if any(_same(run, one) for one in log.runs)), None)
-    ) is not None:
-        raise BadParameter(f"{twice}: this run is fitted too, so it validates nothing; give another one.")
     moving = tuple(run for run in held_out.runs if _lively(run, log).any())
     if not moving:
         log, held_out, sentence = split(log)
@@ -50,10 +42,14 @@ def parts(log: Log, held_out: Log | None) -> tuple[Log, Log, list[str]]:
     return log, replace(held_out, runs=moving), said
 
 
-def _same(one: Run, other: Run) -> bool:
-    """Whether two runs are the same measurement."""
-    pairs = ((one.time, other.time), (one.command, other.command), (one.measured, other.measured))
-    return all(np.array_equal(a, b) for a, b in pairs)
+def fitted_too(log: Log, held_out: Log) -> str | None:
+    """Label of a held-out run that is one of the fitted runs, under another name perhaps; None if there is none."""
+
+    def same(one: Run, other: Run) -> bool:
+        pairs = ((one.time, other.time), (one.command, other.command), (one.measured, other.measured))
+        return all(np.array_equal(a, b) for a, b in pairs)
+
+    return next((run.label for run in held_out.runs if any(same(run, one) for one in log.runs)), None)
 
 
 def split(log: Log) -> tuple[Log, Log, str]:

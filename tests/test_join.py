@@ -121,7 +121,7 @@ def test_samples_without_a_time_are_left_out(tmp_path):
     assert len(joined.columns["angle"]) == len(joined.clocks["angle"]) == 399
 
 
-def test_the_times_of_two_matrices_without_names_are_in_the_same_place(tmp_path: Path) -> None:
+def test_times_of_two_matrices_are_in_the_same_place(tmp_path: Path) -> None:
     """As Simulink writes them: a first row, or column, of times in each file."""
     time = np.arange(0.0, 4.0, 0.01)
     savemat(tmp_path / "drive.mat", {"u": np.column_stack((time, np.cos(time)))})

@@ -50,7 +50,7 @@ def test_a_model_that_explains_the_torque_is_not_warned_of() -> None:
     assert unexplained_torque(fit(tight_loop(0.0, 0.3))) is None
 
 
-def test_a_pendulum_whose_angle_begins_where_it_hangs_is_diagnosed_in_a_tight_loop() -> None:
+def test_a_hanging_pendulum_in_a_tight_loop_is_diagnosed() -> None:
     """Its base model has gravity over cos x alone: the likelihood of the motion gives it an inertia that is absurd."""
     found = diagnose(tight_loop(np.pi / 2, 0.0))
     assert (found.verdict, [cause.effect for cause in found.causes]) == ("named", ["gravity_offset"])
@@ -58,7 +58,7 @@ def test_a_pendulum_whose_angle_begins_where_it_hangs_is_diagnosed_in_a_tight_lo
     assert found.extended.model.inertia == pytest.approx(0.6, rel=0.02)
 
 
-def test_a_torque_that_only_follows_the_motion_is_refused_as_such() -> None:
+def test_a_torque_that_only_follows_the_motion_is_refused() -> None:
     with pytest.raises(Unidentifiable, match="in this log the torque follows the motion"):
         diagnose(tight_loop(0.7, 0.2))
 
