@@ -15,7 +15,7 @@ from identification.run import Run
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.errors import BadParameter
-from plant.model_file import ModelFile, read_model
+from plant.model_file import ModelLike, model_of
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:
@@ -26,9 +26,7 @@ _WRITING = 4  # time to write a row over that to simulate a sample of a run in o
 _SETTLING = 4  # time for a sample in a window, with its initial state estimated, over that to write its row
 
 
-def predict(
-    model: ServoModel | ModelFile | str | Path, log: LogLike, *, window: float | None = None, measured: bool = False
-) -> pd.DataFrame:
+def predict(model: ModelLike, log: LogLike, *, window: float | None = None, measured: bool = False) -> pd.DataFrame:
     """Simulate a log in open loop, from its command alone.
 
     Args:
@@ -47,10 +45,8 @@ def predict(
     """
     import pandas as pd
 
-    if not isinstance(model, ServoModel):
-        model = (model if isinstance(model, ModelFile) else read_model(model)).model
     read = log_of(log)
-    simulated = _simulated(read, model, window, None)
+    simulated = _simulated(read, model_of(model), window, None)
     pairs = zip(read.runs, simulated, strict=True)
     tables = [_table(read, run, output, slice(None), measured) for run, output in pairs]
     return pd.concat(tables, ignore_index=True)

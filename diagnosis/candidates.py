@@ -21,6 +21,9 @@ def chosen(candidates: Sequence[Choice] | None, exclude: Collection[str]) -> Map
     Raises:
         BadParameter: an unknown name, a class that is no effect, or no candidate left.
     """
+    for word, given in (("candidates", candidates), ("exclude", exclude)):
+        if isinstance(given, str):
+            raise BadParameter(f"{word} is one text; give a list, as in [{given!r}].")
     asked: dict[str, type[Effect]] = dict(catalogue) if candidates is None else {}
     for choice in candidates or ():
         kind = catalogue.get(choice) if isinstance(choice, str) else choice

@@ -44,6 +44,7 @@ from identification.threads import without_blas_threads
 from identification.time_stamp_jitter import evenly_timed
 from plant.effects.effect import Array, Effect
 from plant.effects.nonparametric import of_reading, unnamed
+from plant.model_file import ModelLike, model_of
 from plant.servo import ServoModel
 
 _FAILED = "The fit of the base model failed: "
@@ -52,7 +53,7 @@ _FAILED = "The fit of the base model failed: "
 @without_blas_threads
 def diagnose(
     log: LogLike,
-    base: ServoModel | None = None,
+    base: ModelLike | None = None,
     holdout: LogLike | None = None,
     *,
     fixed: Fixed = (),
@@ -87,7 +88,7 @@ def diagnose(
         Unidentifiable: the load does not move, or the fit of the base model failed.
     """
     log, effects = log_of(log).usable(force=force), chosen(candidates, exclude)
-    start = base_model(log) if base is None else base
+    start = base_model(log) if base is None else model_of(base)
     known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     tell = progress or (lambda line: None)
     given = None if holdout is None else log_of(holdout).usable(force=force)

@@ -22,6 +22,7 @@ from identification.time_stamp_jitter import with_its_clock
 from plant.effects import DeadZone, Effect
 from plant.effects.effect import parameters_of
 from plant.errors import BadParameter
+from plant.model_file import ModelLike, model_of
 from plant.servo import ServoModel
 
 _ROUNDING = 1e-12  # of an angle: a smaller change is rounding, not motion
@@ -30,7 +31,7 @@ _ROUNDING = 1e-12  # of an angle: a smaller change is rounding, not motion
 @without_blas_threads
 def fit(
     log: LogLike,
-    model: ServoModel | None = None,
+    model: ModelLike | None = None,
     *,
     fixed: Fixed = (),
     bounds: Pairs | None = None,
@@ -44,7 +45,8 @@ def fit(
     Args:
         log: one or more runs, also as a path, a DataFrame or arrays by name; a run's initial state is estimated. If
             runs disagree about a parameter, the log of the result has a warning.
-        model: structure and starting values; by default eqs. (4) and (6) of the paper, J, alpha, K and gamma.
+        model: structure and starting values, also as the path of a model.json; by default eqs. (4) and (6) of the
+            paper: J, alpha, K and gamma.
         fixed: names of parameters that keep the model's value, or values by name: `{"inertia": 0.2}`.
         bounds: least and greatest value by name: `{"inertia": (0.1, 0.3)}`.
         prior: mean and standard deviation by name, of a Gaussian: `{"inertia": (0.2, 0.05)}`.
@@ -63,7 +65,7 @@ def fit(
             in their axis.
     """
     log = log_of(log).usable(force=force)
-    start = base_model(log) if model is None else model
+    start = base_model(log) if model is None else model_of(model)
     known = known_of(fixed, bounds, prior, start, stated=model is not None)
     _check(Problem.of(log, known.begun(start), known=known), per_run, known.fixed)
     found = fit_with_prior(log, start, known, progress)
@@ -85,6 +87,8 @@ def _polished(fit: Fit) -> Fit:
 
 def _check(problem: Problem, per_run: Sequence[str], fixed: Collection[str]) -> None:
     moving = [problem.model.names[place] for place in problem.free]
+    if isinstance(per_run, str):
+        raise BadParameter(f"per_run is one text; give a list, as in [{per_run!r}].")
     for name in per_run:
         if name not in moving:
             why = "is fixed" if name in fixed else "is no parameter that is fitted"

@@ -145,7 +145,9 @@ class Log(Drawn):
 
         Raises `MalformedLog` for a log that cannot be used and `BadParameter` for options that do not fit.
         """
-        listed = [paths] if isinstance(paths, str | Path) else list(paths)
+        listed = [paths] if isinstance(paths, str | Path) else paths
+        if not isinstance(listed, Sequence) or not all(isinstance(path, str | Path) for path in listed):
+            raise BadParameter(f"Log.read needs the path of a file or a list of them, not {paths!r}.")
         return cls.of_files(listed, Reading(**how), after or (lambda: None))
 
     @classmethod

@@ -6,13 +6,13 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeAlias, get_args
 
 from plant.drive_train import DriveTrain
 from plant.effects import Effect, Moment, catalogue
 from plant.effects.effect import Axis, Parameter, parameters_of
 from plant.effects.nonparametric import unnamed
-from plant.errors import AntidriveError, BadModelFile
+from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.gears import drive_train
 from plant.number import finite
 from plant.servo import ServoModel
@@ -105,6 +105,26 @@ class ModelFile:
         except OSError:
             draft.unlink(missing_ok=True)
             raise
+
+
+ModelLike: TypeAlias = "ServoModel | ModelFile | str | Path"
+"""A model, or a file that has one."""
+
+
+def model_of(source: ModelLike) -> ServoModel:
+    """The model itself, or that of a file.
+
+    Raises:
+        BadParameter: neither a model nor a path.
+        BadModelFile: as `read_model` does.
+    """
+    if isinstance(source, ServoModel):
+        return source
+    if isinstance(source, str | Path):
+        return read_model(source).model
+    if isinstance(source, ModelFile):
+        return source.model
+    raise BadParameter(f"This needs a model: pass a ServoModel or the path of a model.json, not {source!r}.")
 
 
 def write_model(model: ServoModel, path: Path | str) -> None:
