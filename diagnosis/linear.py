@@ -50,11 +50,10 @@ class Linear:
     def response(self, columns: Array, *, on_reading: bool = False) -> Array:
         """(T, M) change of the innovations by torques (T, M), or by errors of the measurement."""
         path = self.by_reading if on_reading else self.by_torque
-        parts = [
-            follow(self.closed_loop, path, self.seen, columns[:, first : first + AT_ONCE])
-            for first in range(0, columns.shape[1], AT_ONCE)
-        ]
-        found = parts[0] if len(parts) == 1 else np.hstack(parts)
+        found = np.empty(columns.shape)
+        for first in range(0, columns.shape[1], AT_ONCE):
+            some = slice(first, first + AT_ONCE)
+            found[:, some] = follow(self.closed_loop, path, self.seen, columns[:, some])
         if on_reading:
             found += columns
         found *= -self.weight[:, None]

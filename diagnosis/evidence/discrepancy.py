@@ -84,9 +84,13 @@ class Responses:
         """Response through the predictor of each run; measurement errors are scaled by `noise` [rad]."""
         on_torque = response(filters, families.torque, on_reading=False)
         on_reading = response(filters, noise * families.reading, on_reading=True)
-        bounded = np.nan_to_num(-np.hstack((on_torque, on_reading)), nan=0.0, posinf=0.0, neginf=0.0)
+        columns = np.hstack((on_torque, on_reading))
+        np.negative(columns, out=columns)
+        bounded = np.abs(columns) < _HUGE  # nor is it where the response is not a number
+        if not bounded.all():
+            columns[~bounded] = 0.0
         return cls(
-            columns=np.where(np.abs(bounded) < _HUGE, bounded, 0.0),
+            columns=columns,
             torques=on_torque.shape[1],
             variables=families.variables,
         )

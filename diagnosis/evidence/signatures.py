@@ -54,31 +54,35 @@ class Signatures:
         shapes: list[Signature] = []
 
         def draw(traces: Iterable[tuple[str, Trace]]) -> Array:
-            found: list[Array] = []
-            first = shapes[-1].columns.stop if shapes else 0
-            for some in _handfuls(traces):
+            handfuls = list(_handfuls(traces))
+            ends = np.cumsum([0, *(sum(trace.columns.shape[1] for _, trace in some) for some in handfuls)])
+            found = np.empty((left.size, int(ends[-1])))
+
+            def see(place: int) -> None:
+                some = handfuls[place]
                 columns = np.hstack([trace.columns for _, trace in some])
                 drawn = response(screen.filters, columns, on_reading=some[0][1].acts_on == "reading")
                 with np.errstate(over="ignore", invalid="ignore"):
                     bounded = np.where(np.abs(drawn) < 1e100, -drawn, 0.0)
-                found.append(parameters.beyond(bounded))
-                for name, trace in some:
-                    last = first + trace.columns.shape[1]
-                    own = slice(first, last)
-                    positive = trace.positive or (False,) * trace.columns.shape[1]
-                    shapes.append(
-                        Signature(
-                            name=name,
-                            columns=own,
-                            positive=positive,
-                            searched=trace.searched,
-                            forms=forms(effects[name]),
-                            kind=effects[name],
-                            start=trace.start,
-                        )
+                found[:, ends[place] : ends[place + 1]] = parameters.beyond(bounded)
+
+            in_threads(see, range(len(handfuls)))
+            first = shapes[-1].columns.stop if shapes else 0
+            for name, trace in chain.from_iterable(handfuls):
+                last = first + trace.columns.shape[1]
+                shapes.append(
+                    Signature(
+                        name=name,
+                        columns=slice(first, last),
+                        positive=trace.positive or (False,) * trace.columns.shape[1],
+                        searched=trace.searched,
+                        forms=forms(effects[name]),
+                        kind=effects[name],
+                        start=trace.start,
                     )
-                    first = last
-            return np.hstack(found) if found else np.empty((left.size, 0))
+                )
+                first = last
+            return found
 
         every = in_threads(lambda item: [(item[0], t) for t in item[1].traces(screen.motion)], effects.items())
         coarse = draw(pair for pair in chain.from_iterable(every) if pair[1].prior is None)
