@@ -39,7 +39,7 @@ from identification.fit_result import Fit
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.prior_knowledge import Fixed, Pairs, PriorKnowledge
-from identification.slower_observer import behind_a_slower_observer, by_regression, worth_of_torque
+from identification.slower_observer import behind_a_slower_observer, worth_of_torque
 from identification.threads import without_blas_threads
 from identification.time_stamp_jitter import evenly_timed
 from plant.effects.effect import Array, Effect
@@ -68,8 +68,8 @@ def diagnose(
 
     Args:
         log: measured runs, also as a path, a DataFrame or arrays by name.
-        base: the base model; by default eqs. (4) and (6) of the paper, whose dead zone is then part of the model and
-            not a candidate.
+        base: the base model, also as the path of a model.json; by default eqs. (4) and (6) of the paper, whose dead
+            zone is then part of the model and not a candidate.
         holdout: validation data; by default some runs of the log, or the last part of a single run.
         fixed, bounds, prior: prior knowledge of parameters, as in `identification.fit`; also of parameters of candidate
             effects, `{"coulomb_friction.torque": (0.1, 0.3)}`.
@@ -131,7 +131,7 @@ def _diagnosed(
         raise Unidentifiable(still)
     failed = null.failed
     if failed is not None:  # the base model lacks too much
-        null = by_regression(log, start, known) or behind_a_slower_observer(log, start, known) or null
+        null = behind_a_slower_observer(log, start, known) or null
     if null.failed is not None:
         raise Unidentifiable(torque_follows(log) or _FAILED + null.failed)
     held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
@@ -206,14 +206,14 @@ def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
 def _unknown(found: Tenable, judgement: Judgement, missing: ResidualTorque) -> Unknown:
     """The unexplained part: discrepancy and non-parametric effects; `missing` is the residual torque of the causes.
 
-    Of what is certain the size is at least that of the residual torque: no smooth function follows all of it.
+    Where something is missing its size is at least that of the residual torque: no smooth function follows all of it.
     """
     posterior, best = found.posterior, found.posterior.best
     beside, torques = best.discrepancy.posterior, frozenset(unnamed) - of_reading
     level = float(np.sqrt(np.mean(missing.command**2)))
     sizes = [torque_of(found.fit, name)[0] / level for name in sorted(best.names & torques)]
     probability = max(beside.material, posterior.nameless(torques))
-    if probability > SURE:
+    if level > 0.0 and (judgement.verdict == "unknown" or probability > SURE):
         whole = np.concatenate([run.drive for run in found.fit.log.runs])
         of_all = missing.excess * level / float(np.sqrt(np.mean(whole**2)))
         sizes.append(min(of_all, 1.0))  # the torque of a model may be worse than none

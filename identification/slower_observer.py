@@ -12,14 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from identification.fit_result import Fit
-from identification.inverse import inverse_cutoff, torque_error
 from identification.log import Log
 from identification.noise import log_likelihood
 from identification.prior_knowledge import PriorKnowledge
 from identification.problem import Problem, first_states
 from identification.regression import starting_values
 from identification.standard_errors import fit_with_errors
-from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 
@@ -45,28 +43,6 @@ def behind_a_slower_observer(log: Log, model: ServoModel, known: PriorKnowledge)
             return found
         bandwidth /= 2.0
     return None
-
-
-def by_regression(log: Log, model: ServoModel, known: PriorKnowledge) -> Fit | None:
-    """The base model of the regression whose inverse model is best, with its likeliest observer; None without one.
-
-    A place to begin from too, where the likelihood of the motion prefers a torque that does nothing.
-    """
-    problem, cutoff = Problem.of(log, model, known=known), inverse_cutoff(log)
-    points = [problem.pack(values, first_states(log)) for values in starting_values(log, model)]
-    points = [np.clip(point, problem.lower, problem.upper) for point in points]
-
-    def error(point: Array) -> float:
-        return torque_error(log, model.with_values(problem.unpack(point)[0]), cutoff=cutoff)
-
-    if not points:
-        return None
-    point, dt = min(points, key=error), log.runs[0].sample_time
-    bandwidths = 2.0 ** -np.arange(8.0) / dt
-    bandwidth = min(bandwidths.tolist(), key=lambda each: problem.cost(point, each, 0.0))
-    at = problem.minimise(point, bandwidth, 0.0, iterations=0)
-    found = replace(fit_with_errors(problem, bandwidth, at, at.evaluations), converged=True)
-    return None if found.failed is not None else found
 
 
 def worth_of_torque(fit: Fit) -> float:

@@ -14,7 +14,7 @@ from identification.fit import fit
 from identification.fit_result import FittedParameter
 from identification.log import Log
 from plant import ServoModel
-from plant.effects import Cogging, CoulombFriction
+from plant.effects import Cogging, CoulombFriction, PayloadChange
 
 
 def log_of(machine: Machine, seed: int, duration: float = 20.0) -> Log:
@@ -122,3 +122,12 @@ def test_a_wave_shifted_by_half_a_period_is_found_again():
     (opinion,) = holdout_differences(fit(log_of(rippling(0.4), 1), truth), log_of(rippling(0.4 + np.pi), 2))
     assert opinion.parameter == "cogging.phase"
     assert np.cos(opinion.held_out_value - 0.4 - np.pi) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_an_instant_of_one_log_is_not_looked_for_in_another() -> None:
+    machine = Machine().hiding(payload_change={"time": 8.0, "inertia": 0.6, "gravity": 0.2})
+    model = ServoModel.paper().with_effect(PayloadChange(time=8.0, inertia=0.5, gravity=0.1))
+    found = fit(log_of(machine, 1), model)
+    assert found["payload_change.time"].value == pytest.approx(8.0, abs=0.1)
+    other = log_of(Machine().hiding(payload_change={"time": 3.0, "inertia": 0.6, "gravity": 0.2}), 2)
+    assert "payload_change.time" not in {each.parameter for each in holdout_differences(found, other)}

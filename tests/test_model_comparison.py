@@ -78,3 +78,13 @@ def test_the_command_says_what_is_wrong(tmp_path):
         spoken = antidrive("compare", *words, "--out", tmp_path / "out")
         assert (spoken.code, spoken.err.count("\n")) == (2, 1)
         assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("share", "moved"), [(0.003, []), (0.03, ["viscous_friction"])])
+def test_a_change_below_a_hundredth_is_none(share: float, moved: list[str]) -> None:
+    log = columns(TRUTH, seed=2, duration=DURATION)
+    known = replace(TRUTH, viscous_friction=TRUTH.viscous_friction * (1.0 + share))
+    found = ad.compare(ModelFile(model=known, std=dict.fromkeys(STD, 1e-6)), log, candidates=["cogging"])
+    (change,) = (each for each in found.changes if each.name == "viscous_friction")
+    assert abs(change.errors or 0.0) > 4.0
+    assert [each.name for each in found.changes if each.moved] == moved

@@ -1,16 +1,19 @@
 """A model that only follows the motion, whatever the torque is, is no model of the machine, and that is said."""
 
 import re
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from machine import Machine, excitation, record
 
 import antidrive as ad
 from diagnosis import diagnose, unexplained_torque
 from diagnosis.inverse_model import inverse_errors, torque_predicted_worse
 from identification import Log, Unidentifiable, fit
-from identification.regression import TorqueRegression
+from identification.fit import base_model
+from identification.regression import TorqueRegression, starting_values
 from plant import ServoModel
 from plant.effects import GravityOffset
 
@@ -61,6 +64,35 @@ def test_a_hanging_pendulum_in_a_tight_loop_is_diagnosed() -> None:
 def test_a_torque_that_only_follows_the_motion_is_refused() -> None:
     with pytest.raises(Unidentifiable, match="in this log the torque follows the motion"):
         diagnose(tight_loop(0.7, 0.2))
+
+
+def test_starts_are_near_the_truth_for_any_zero_of_the_angle() -> None:
+    log = tight_loop(np.pi / 2, 0.0)
+    assert min(abs(start[0] / 0.6 - 1.0) for start in starting_values(log, base_model(log))) < 0.05
+
+
+def test_what_does_not_explain_the_torque_leaves_no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = sys.modules["diagnosis.diagnose"]
+    log = record(Machine().hiding(coulomb_friction={"torque": 0.3}), excitation(2, duration=8.0), seed=2).log()
+    monkeypatch.setattr(module, "torque_predicted_worse", lambda error: "worse")
+    found = diagnose(log, candidates=["coulomb_friction"])
+    assert (found.verdict, "worse" in found.warnings) == ("named", True)
+    monkeypatch.setattr(module, "unexplained_torque", lambda fit: "absurd")
+    found = diagnose(log, candidates=["coulomb_friction"])
+    assert (found.verdict, "absurd" in found.warnings, "worse" in found.warnings) == ("unknown", True, False)
+
+
+def test_of_an_amplifier_that_drops_out_the_size_is_told() -> None:
+    """No smooth function follows the drop-outs; what is unexplained is the torque that is missing."""
+    command = excitation(5, duration=20.0)
+    cut = np.arange(command.size) % 340 < 16
+    applied = np.where(cut, 0.0, command)
+    log = record(Machine(), applied, seed=5).log()
+    run = replace(log.runs[0], command=command[: len(log.runs[0])])
+    found = diagnose(replace(log, runs=(run,)), candidates=["coulomb_friction", "quadratic_drag"])
+    lost = np.sqrt(np.mean((command - applied) ** 2) / np.mean(command**2))
+    assert found.verdict == "unknown"
+    assert 0.3 * lost < found.unknown.share < 3.0 * lost
 
 
 def test_an_extension_that_spoils_the_feedforward_is_said() -> None:
