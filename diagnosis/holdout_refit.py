@@ -48,7 +48,12 @@ class HoldoutDifference:
 
 def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]:
     """Parameters of a fit that differ by more than four standard errors on validation data, or are more precise."""
-    instants = [spec.name for spec in fit.model.parameters if spec.unit == "s" and spec.lower < 0.0]  # of this log
+    first, last = min(run.time[0] for run in holdout.runs), max(run.time[-1] for run in holdout.runs)
+    instants = [
+        spec.name
+        for spec, value in zip(fit.model.parameters, fit.model.values, strict=True)
+        if spec.unit == "s" and spec.lower < 0.0 and not first <= value <= last  # it is not in these data
+    ]
     problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, fixed=instants, known=fit.known)
     at_first = first_states(holdout)
     tried = [
