@@ -40,7 +40,7 @@ class DriveTable(Drawn):
         units: unit of each column.
         meaning: meaning of the last column, in a sentence.
         notes: remarks, a sentence each.
-        harmonics: the sines in the result.
+        harmonics: the sines in the result. That of a position error is over the true angle.
         largest_error: of linear interpolation between the points, in the unit of the last column.
     """
 
@@ -101,7 +101,8 @@ def drive_table(
         raise BadParameter(f"A table goes from a lower to a higher value, not from {reach[0]:g} to {reach[1]:g}.")
     model = model.without_clock()
     variable, parts, notes = KINDS[kind](model)
-    waves = tuple(wave for effect in model.effects if effect.name in parts for wave in harmonics(effect))
+    effects = [effect for effect in model.effects if effect.name in parts]
+    waves = tuple(wave if kind == "position-error" else _opposite(wave) for e in effects for wave in harmonics(e))
     low, high = reach if reach is not None else _usual(model, kind, waves)
     _enough(points, low, high, waves)
     whole_turn = reach is None and bool(waves)
@@ -173,6 +174,12 @@ def harmonics(effect: Effect) -> list[tuple[float, float, float]]:
         found = zip(orders, np.hypot(sines, cosines), np.arctan2(cosines, sines), strict=True)
         return [(order, float(size), float(phase)) for order, size, phase in found if size > 0.0]
     return []
+
+
+def _opposite(wave: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The wave that cancels it, with a phase from -pi to pi."""
+    order, amplitude, phase = wave
+    return order, amplitude, float(np.angle(-np.exp(1j * phase)))
 
 
 def _usual(model: ServoModel, kind: str, waves: Waves) -> tuple[float, float]:

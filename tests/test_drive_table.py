@@ -101,8 +101,16 @@ def test_cogging_is_taken_away_and_has_its_harmonics():
     wave = 0.05 * np.sin(6.0 * angle + 0.4) + 0.3 * np.sin(3.0 * angle) + 0.4 * np.cos(6.0 * angle)
     assert table.columns["torque"] == pytest.approx(-wave)
     assert angle[-1] == pytest.approx(2.0 * np.pi * 95 / 96)
-    assert [wave for wave in table.harmonics if wave[0] == 3.0] == [pytest.approx((3.0, 0.3, 0.0))]
+    sines = sum(size * np.sin(order * angle + phase) for order, size, phase in table.harmonics)
+    assert table.columns["torque"] == pytest.approx(sines)
+    assert [size for order, size, _ in table.harmonics if order == 3.0] == [pytest.approx(0.3)]
+    assert all(abs(phase) <= np.pi for *_, phase in table.harmonics)
     assert not table.notes
+
+
+def test_a_position_error_has_the_sign_of_its_harmonic():
+    (order, size, phase), *others = drive_table(FULL, "position-error").harmonics
+    assert (order, size, phase, others) == (1.0, 0.05, 0.2, [])
 
 
 def test_the_position_error_is_that_at_the_angle_shown():
@@ -169,7 +177,8 @@ def test_the_command_writes_csv_and_c_arrays(tmp_path):
         assert numbers == pytest.approx(table.columns[name], abs=1e-8)
     assert [name for name, _ in arrays] == ["angle", "torque"]
     told = json.loads(antidrive("table", "cogging", model, "--out", out, "--json").out)
-    assert told["harmonics"] == [[6.0, 0.05, 0.4]]
+    assert told["harmonics"] == [pytest.approx([6.0, 0.05, 0.4 - np.pi])]
+    assert "Harmonic with 6 cycles/rev: amplitude 0.05 N m, phase -2.742 rad at zero." in spoken.out
 
 
 def test_backlash_and_dead_time_are_numbers(tmp_path):
