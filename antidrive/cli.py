@@ -153,7 +153,7 @@ def predict(
         Path | None, typer.Option(metavar="PAGE.html", help="Report with measured and simulated drawn.")
     ] = None,
     out: Annotated[
-        Path, typer.Option(metavar="FILE.csv", help="File for the columns run, time and angle or position.")
+        Path, typer.Option(metavar="FILE.csv", help="File for the columns run, time and angle, position or velocity.")
     ] = Path("antidrive-out/prediction.csv"),
     seed: Seed = 0,
     quiet: Quiet = False,

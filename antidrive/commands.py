@@ -161,7 +161,7 @@ def predict(
     out: Path,
     console: Console,
 ) -> None:
-    """Simulate a log in open loop and write run, time, angle (or position) as CSV, also what was measured if wanted."""
+    """Simulate a log in open loop and write run, time and output as CSV, also what was measured if wanted."""
     from antidrive.prediction import write_prediction
     from antidrive.prediction_page import prediction_page, rms_error
 

@@ -1,4 +1,4 @@
-"""Open-loop simulation of a log from its command, as a table: run, time, and angle or position."""
+"""Open-loop simulation of a log from its command, as a table: run, time, and angle, position or velocity."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def predict(model: ModelLike, log: LogLike, *, window: float | None = None, meas
         measured: add the measured output as a last column.
 
     Returns:
-        Columns run, time [s], and angle [rad] (or position [m]), one row per sample; last `measured`, if requested.
+        Columns run, time [s], and what the log measures: angle [rad], position [m], or velocity [rad/s or m/s] of a
+        log of the speed alone. One row per sample; last `measured`, if requested.
 
     Raises:
         BadParameter: the model diverges, or does not fit the log.
@@ -69,7 +70,7 @@ def write_prediction(
         tell: called with a line of text at each hundredth.
 
     Returns:
-        One simulated output (T,) per run [rad or m].
+        One simulated output (T,) per run, in the log's unit.
 
     Raises:
         BadParameter: as `predict` does.
@@ -97,6 +98,8 @@ def _simulated(log: Log, model: ServoModel, window: float | None, done: Callable
 
 
 def _column(log: Log) -> str:
+    if log.response == "velocity":
+        return "velocity"
     return "angle" if log.axis == "rotary" else "position"
 
 

@@ -39,7 +39,7 @@ def free_simulation(
         after: called after each run or window with its number of samples.
 
     Returns:
-        One (T,) simulated output per run [rad or m].
+        One (T,) simulated output per run, in the unit of what the log measures.
 
     Raises:
         BadParameter: the window is not longer than `settle`, or the model's axis or unit of torque is not the log's.

@@ -16,6 +16,7 @@ import pytest
 from front_door import PLAIN, antidrive, columns, write_csv, write_model
 
 import antidrive as ad
+from plant import ServoModel
 
 ROOT = Path(__file__).parents[1]
 HEAVY = {"casadi", "pandas", "scipy", "numpy", *("plant", "allocation", "identification", "diagnosis", "mpc")}
@@ -77,6 +78,21 @@ def test_predict_says_what_the_command_says(window, tmp_path):
     more = [] if window is None else ["--window", window]
     assert antidrive("predict", model, log, *more, "--out", tmp_path / "p.csv").code == 0
     np.testing.assert_allclose(pd.read_csv(tmp_path / "p.csv").angle, found["angle"], atol=1e-9)
+
+
+@pytest.mark.parametrize("axis", ["rotary", "linear"])
+def test_a_prediction_of_a_speed_is_called_velocity(axis, tmp_path):
+    servo = ServoModel(inertia=0.8, gravity=0.0, viscous_friction=0.5, axis=axis)
+    table = columns(servo, duration=5.0)
+    speed = {"time": table["time"], "velocity": np.gradient(table["angle"], table["time"])}
+    speed["torque" if axis == "rotary" else "force"] = table["torque"]
+    log, model = write_csv(tmp_path / "log.csv", speed), write_model(tmp_path / "model.json", servo)
+    wanted = ["run", "time", "velocity", "measured"]
+    found = ad.predict(model, log, measured=True)
+    assert list(found.columns) == wanted
+    assert np.std(found["velocity"] - found["measured"]) < 0.5 * np.std(found["measured"])
+    assert antidrive("predict", model, log, "--measured", "--out", tmp_path / "p.csv").code == 0
+    assert list(pd.read_csv(tmp_path / "p.csv").columns) == wanted
 
 
 @pytest.mark.parametrize("name", ["plant", "mpc", "diagnosis"])
