@@ -9,9 +9,8 @@ import typer
 from antidrive.cli_log_options import with_log
 from antidrive.cli_options import OUT, Force, Json, Out, Quiet
 
-_NO_MODEL = (
-    "No model.json: this log does not show the inertia, as a slow sweep or a chirp does. friction.csv is the table."
-)
+_NO_MODEL = "No model.json: {why}. friction.csv is the table."
+_NO_INERTIA = "this log does not show the inertia, as a slow sweep or a chirp does"
 
 
 @with_log
@@ -28,7 +27,8 @@ def friction(
     from plant.model_file import ModelFile
 
     console = Console(quiet=quiet, json=json, words=context.obj)
-    with whole_folder(out) as draft:
+    stale = (out / "model.json").is_file()
+    with whole_folder(out, replaced=("model.json",)) as draft:
         with console.progress("reading") as progress:
             measured = log.read(progress)
         found = friction_test(measured.log.usable(force=force))
@@ -46,6 +46,9 @@ def friction(
             files.insert(2, "model.json")
         page = friction_page(found, Provenance.now(console.words, found.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
-    told = [] if model is not None else [_NO_MODEL]
+    told = []
+    if model is None:
+        told = [_NO_MODEL.format(why="the friction is negative" if found.negative else _NO_INERTIA)]
+        told += [f"The model.json of an earlier run was removed from {out}."] if stale else []
     warned = [f"  warning: {text}" for text in found.log.warnings]
     console.result("\n".join([*found.sentences(), *told, *warned, written(out, ", ".join(files))]), content)

@@ -7,7 +7,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -22,8 +22,12 @@ _WRITTEN: ContextVar[Path | None] = ContextVar("written", default=None)  # folde
 
 
 @contextmanager
-def whole_folder(out: Path) -> Iterator[Path]:
+def whole_folder(out: Path, *, replaced: Collection[str] = ()) -> Iterator[Path]:
     """A draft folder whose files move into `out` if the block succeeds, and are deleted otherwise.
+
+    Args:
+        out: the folder.
+        replaced: files of an earlier run that do not stay beside the new results, even if there are no new ones.
 
     Raises:
         BadParameter: `out` is a file, or cannot be written.
@@ -37,6 +41,9 @@ def whole_folder(out: Path) -> Iterator[Path]:
                 raise BadParameter(f"--out {out}: a folder named {made.name} is in the way of a result; move it away.")
         with unstoppable():
             out.mkdir(parents=True, exist_ok=True)
+            for name in replaced:
+                if not (draft / name).exists() and (out / name).is_file():
+                    (out / name).unlink()
             for made in sorted(draft.iterdir()):
                 os.replace(made, out / made.name)
                 _WRITTEN.set(out)

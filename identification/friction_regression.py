@@ -17,6 +17,7 @@ from plant.effects.effect import Array
 _HUBER = 1.345  # standard deviations beyond which a window counts less: 95 % efficient on Gaussian noise
 _SCALES = np.geomspace(0.01, 0.5, 12)  # Stribeck velocities that are tried, relative to the top speed
 _TOLD = 5.0  # times its error: change of the velocity in windows from which an inertia is estimated
+_SEEN = 0.1  # least fraction of the Stribeck friction that some window must show: below it, it is extrapolated
 _STEPS = 20  # iterations that refine the Stribeck velocity
 
 
@@ -74,8 +75,9 @@ def candidates(rows: dict[str, Array], one_way: bool, rotary: bool) -> Iterable[
 
 
 def _rises_to_breakaway(found: Regression) -> bool:
-    """Whether the fitted Stribeck curve is one of friction: it brakes when sliding, and more before."""
-    return found.values["excess"] > 0.0 and found.values["coulomb"] >= 0.0
+    """Whether the fitted Stribeck curve is one of friction, which brakes when sliding and more before, and is seen."""
+    seen = np.max(np.abs(found.columns["excess"])) >= _SEEN
+    return bool(seen and found.values["excess"] > 0.0 and found.values["coulomb"] >= 0.0)
 
 
 def _hump(rows: dict[str, Array], scale: float) -> Array:

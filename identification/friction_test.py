@@ -78,10 +78,15 @@ class FrictionTest(Presented):
         return np.asarray(level + found["viscous"] * v + found.get("offset", 0.0))
 
     @property
+    def negative(self) -> bool:
+        """Whether Coulomb or viscous friction is negative beyond its error, as if friction drove the load."""
+        return any(self.values[name] < -_SURELY * self.std[name] for name in ("coulomb", "viscous"))
+
+    @property
     def model(self) -> ServoModel | None:
-        """A servo with this friction; None if the log does not determine its inertia."""
+        """A servo with this friction; None if it is negative, or the log does not determine the inertia."""
         found = self.values
-        if "inertia" not in found or found["inertia"] < 2.0 * self.std["inertia"]:
+        if self.negative or "inertia" not in found or found["inertia"] < 2.0 * self.std["inertia"]:
             return None
         dry, effects = max(found["coulomb"], 0.0), list[Effect]()
         if "excess" in found:
@@ -123,7 +128,7 @@ class FrictionTest(Presented):
                 more = " (with the offset: the load moves one way only)" if name == "coulomb" and self.one_way else ""
                 error = f" +- {self.std[name]:.2g}" if name in self.std else ""
                 lines.append(f"{meaning}: {found[name]:.4g}{error} {self.units[name]}{more}")
-        if any(found[name] < -_SURELY * self.std[name] for name in ("coulomb", "viscous")):
+        if self.negative:
             lines.append("The friction is negative. Check that torque and angle belong together, and their signs.")
         elif found["coulomb"] < _SURELY * self.std["coulomb"]:
             lines.append("No Coulomb friction is visible.")

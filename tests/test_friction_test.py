@@ -97,6 +97,37 @@ def test_friction_below_zero_is_spoken_of():
     assert found.model is None or found.model.effect("coulomb_friction") is None
 
 
+@pytest.mark.parametrize("speed", [STAIRCASE, SWEEP], ids=["staircase", "sweep"])
+def test_negative_friction_leaves_no_model(speed, tmp_path):
+    """Nor the model.json of an earlier run, which would pass for its result."""
+    table, out = driven(STRIBECK, speed), tmp_path / "out"
+    table["torque"] = 0.05 * np.gradient(np.gradient(table["angle"], DT), DT) - table["torque"]
+    out.mkdir()
+    (out / "model.json").write_text("{}")
+    (out / "notes.txt").write_text("mine")
+    spoken = antidrive("friction", write_csv(tmp_path / "log.csv", table), "--out", out)
+    assert spoken.code == 0, spoken.err
+    assert "No model.json: the friction is negative. friction.csv is the table." in spoken.out.splitlines()
+    assert f"The model.json of an earlier run was removed from {out}." in spoken.out.splitlines()
+    assert sorted(listing(out)) == ["friction.csv", "friction.json", "notes.txt", "report.html"]
+
+
+def test_a_refused_log_leaves_an_earlier_model(tmp_path):
+    log = write_csv(tmp_path / "log.csv", driven(PLAIN, np.full(2000, 0.5)))
+    (tmp_path / "model.json").write_text("{}")
+    assert antidrive("friction", log, "--out", tmp_path).code == 2
+    assert (tmp_path / "model.json").exists()
+
+
+def test_stribeck_friction_below_all_speeds_is_not_claimed():
+    """Between the slowest speed and rest a hump of any height fits."""
+    goal = np.cumsum(STAIRCASE) * DT
+    angle = simulate(PLAIN, command=400.0 * goal, dt=DT, servo_gain=400.0, servo_damping=5.0)[:-1, 0]
+    angle += 1e-4 * np.random.default_rng(0).standard_normal(goal.size)
+    found = friction_test(Log.from_arrays(time=np.arange(goal.size) * DT, setpoint=goal, angle=angle))
+    assert found.values.get("excess", 0.0) < 10.0 * found.values["coulomb"]
+
+
 @pytest.mark.parametrize("speed", [np.full(2000, 0.5), np.zeros(2000)], ids=["one speed", "rest"])
 def test_one_speed_is_not_enough(speed):
     with pytest.raises(Unidentifiable, match="one speed at most"):
