@@ -73,8 +73,11 @@ def _check(form: str, said: Mapping[str, Any], name: str, *, single: bool) -> No
     if useless:
         option = f"--{useless[0].replace('_', '-')}"
         raise BadParameter(f"{option} changes nothing in an export with --{form}; leave it out.")
-    if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
-        raise BadParameter(f"--name {name!r}: write letters, digits and underscores, beginning with a letter.")
+    if not re.fullmatch(r"[A-Za-z]\w{0,39}", name, re.ASCII):
+        shown = name if len(name) <= 40 else f"{name[:40]}..."
+        raise BadParameter(
+            f"--name {shown!r}: write up to 40 letters, digits and underscores, beginning with a letter."
+        )
 
 
 def _feedforward(read: ModelFile, name: str, single: bool) -> Made:

@@ -15,7 +15,7 @@ from diagnosis.levels import INEXACT, SURE
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.simulation import free_simulation
-from plant.model_file import ModelFile, read_model
+from plant.model_file import ModelFile, model_of, read_model
 from plant.result_display import Presented
 from plant.servo import ServoModel
 from plant.units import printed
@@ -175,9 +175,9 @@ def compare(
     """
     from diagnosis import diagnose
 
-    before = model if isinstance(model, ModelFile | ServoModel) else read_model(model)
-    if isinstance(before, ServoModel):
-        before = ModelFile(model=before, std={})
+    before = read_model(model) if isinstance(model, str | Path) else model
+    if not isinstance(before, ModelFile):
+        before = ModelFile(model=model_of(before), std={})
     read = log_of(log)
     found = diagnose(read, before.model, holdout, progress=progress, **known)
     kept = {effect.name for effect in found.model.effects}

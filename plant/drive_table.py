@@ -13,6 +13,8 @@ from plant.effects.effect import TURN, Array
 from plant.effects.ripple import HARMONICS, Ripple
 from plant.errors import BadParameter
 from plant.inverse import moving, strength, torque_unit
+from plant.model_file import ModelLike, model_of
+from plant.number import finite, whole
 from plant.result_display import Drawn
 from plant.servo import ServoModel
 
@@ -77,12 +79,12 @@ class DriveTable(Drawn):
 
 
 def drive_table(
-    model: ServoModel, kind: str, *, points: int = 64, reach: tuple[float, float] | None = None
+    model: ModelLike, kind: str, *, points: int = 64, reach: tuple[float, float] | None = None
 ) -> DriveTable:
     """A table of what a drive has to compensate.
 
     Args:
-        model: the servo.
+        model: the servo, its model file, or the path of one.
         kind: "friction" over velocity: torque to add in steady motion; "cogging" and "gravity" over the angle: torque
             to add; "position-error" over the measured angle: error of the measurement; "dead-zone" over the torque to
             be delivered: command for it.
@@ -92,14 +94,15 @@ def drive_table(
 
     Raises:
         BadParameter: the model has no such effect, or the points do not suffice for its periods.
+        BadModelFile: a file that cannot be used.
     """
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         raise BadParameter(f"There is no table {kind!r}; there are {', '.join(KINDS)}.")
-    if not 2 <= points <= _MOST_POINTS:
-        raise BadParameter(f"A table has between 2 and {_MOST_POINTS} points, not {points}.")
-    if reach is not None and not (np.isfinite(reach).all() and reach[0] < reach[1]):
-        raise BadParameter(f"A table goes from a lower to a higher value, not from {reach[0]:g} to {reach[1]:g}.")
-    model = model.without_clock()
+    rows = whole(points)
+    if rows is None or not 2 <= rows <= _MOST_POINTS:
+        raise BadParameter(f"A table has between 2 and {_MOST_POINTS} points, a whole number, not {points!r}.")
+    _check_reach(reach)
+    model = model_of(model).without_clock()
     variable, parts, notes = KINDS[kind](model)
     effects = [effect for effect in model.effects if effect.name in parts]
     waves = tuple(wave if kind == "position-error" else _opposite(wave) for e in effects for wave in harmonics(e))
@@ -128,6 +131,17 @@ def drive_table(
         harmonics=waves,
         largest_error=error,
     )
+
+
+def _check_reach(reach: object) -> None:
+    if reach is None:
+        return
+    given = list(reach) if isinstance(reach, tuple | list | np.ndarray) else []
+    ends = [number for number in map(finite, given) if number is not None]
+    if not len(given) == len(ends) == 2:
+        raise BadParameter(f"reach: give the first and the last value, such as (-5.0, 5.0), not {reach!r}.")
+    if not ends[0] < ends[1]:
+        raise BadParameter(f"A table goes from a lower to a higher value, not from {ends[0]:g} to {ends[1]:g}.")
 
 
 def _periods(order: float, low: float, high: float) -> float:

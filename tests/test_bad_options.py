@@ -123,6 +123,10 @@ CASES: dict[str, tuple[str, str]] = {
     "precision of a URDF": ("export model.json --urdf --single --out out", "--single"),
     "gears of a feedforward": ("export model.json --feedforward --gears 20,20:161 --out out", "--gears"),
     "name with a quotation mark": ('export model.json --urdf --name a"b --out out', "--name"),
+    **{
+        f"{form} of 300 letters": (f"export model.json --{form} --name {'a' * 300} --out out", "up to 40 letters")
+        for form in ("feedforward", "mujoco", "urdf", "modelica", "plant", "fmu")
+    },
     "name that begins with a digit": ("export model.json --mujoco --name 3x --out out", "--name"),
     "points of a number": ("table dead-time model.json --points 5 --out out", "--points"),
     "range of a number": ("table backlash model.json --range 0:1 --out out", "--range"),
@@ -140,6 +144,7 @@ CASES: dict[str, tuple[str, str]] = {
     "horizon without end": ("export model.json --horizon 1000000000 --out out", "horizon"),
     "bandwidth of nothing": ("export model.json --bandwidth 1e-9 --out out", "bandwidth"),
     "numbers that do not go together": ("export model.json --sample-time 1000 --out out", "out of proportion"),
+    "plan as a workbook": ("plan --limits torque=2 --out plan.xlsx", "name it plan.csv"),
     "plan too slow": ("plan --limits torque=2 --rate 1 --out plan.csv", "at least 20"),
     # names, units, scales
     "map without equals": ("identify log.csv --map angle --out out", "column=value"),

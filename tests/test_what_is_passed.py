@@ -8,8 +8,8 @@ from machine import Machine, excitation, record
 import antidrive as ad
 from diagnosis import diagnose
 from identification import Log, fit
-from plant import ServoModel, simulate
-from plant.errors import BadParameter
+from plant import ServoModel, drive_table, simulate
+from plant.errors import BadModelFile, BadParameter
 
 LOG = record(Machine(), excitation(4, duration=5.0), seed=4).log()
 
@@ -19,6 +19,9 @@ def test_a_model_may_be_the_path_of_its_file(tmp_path: Path) -> None:
     ad.write_model(ServoModel(inertia=2.0), path)
     assert fit(LOG, path).model.inertia == fit(LOG, ServoModel(inertia=2.0)).model.inertia
     assert len(ad.predict(path, LOG)) == len(LOG.runs[0])
+    assert drive_table(path, "friction").points == 64
+    with pytest.raises(BadModelFile, match="cannot be read"):
+        drive_table(tmp_path / "other.json", "friction")
 
 
 @pytest.mark.parametrize(
@@ -34,6 +37,13 @@ def test_a_model_may_be_the_path_of_its_file(tmp_path: Path) -> None:
         (lambda: simulate(ServoModel(), command=[0.1, float("nan")], dt=0.01), "command must be a list of finite"),
         (lambda: simulate(ServoModel(), command=[], dt=0.01), "command must be a list of finite"),
         (lambda: simulate(ServoModel(), command=[0.1], dt=0.01, state=[0.0]), "state must be 2 finite numbers"),
+        (lambda: drive_table(ServoModel(), "friction", points="64"), "a whole number, not '64'"),
+        (lambda: drive_table(ServoModel(), "friction", points=2.5), "a whole number, not 2.5"),
+        (lambda: drive_table(ServoModel(), "friction", reach=5), "reach: give the first and the last value"),
+        (lambda: drive_table(ServoModel(), "friction", reach=(1.0, float("nan"))), "reach: give the first and"),
+        (lambda: drive_table(ServoModel(), ["friction"]), "There is no table"),
+        (lambda: drive_table(3, "friction"), "This needs a model"),
+        (lambda: ad.compare(3, LOG), "This needs a model"),
     ],
 )
 def test_a_mistake_ends_in_one_sentence(call, told: str) -> None:
