@@ -15,10 +15,11 @@ from plant.code_dialects import python
 from plant.code_text import Symbolic, text_of
 from plant.discrete import longest_step
 from plant.effects import Effect, Stage
+from plant.inverse import strength
 from plant.servo import ServoModel
 from plant.simulator_parts import Beyond, Native, beyond, native_part
 from plant.symbolic import one_at_a_time
-from plant.units import printed
+from plant.units import axis_quantities, printed
 
 _GRAVITY = 9.81  # [m/s^2]
 _WEIGHT = 0.01  # fraction of the inertia carried by the mass that gravity acts on; the rest is the armature
@@ -59,12 +60,12 @@ def mujoco_model(model: ServoModel, *, sample_time: float | None = None, name: s
     In a robot whose links have inertia and mass, subtract them from `armature` and the mass here.
 
     Args:
-        model: of a rotary servo.
+        model: the servo. A linear axis becomes a slide joint along x, with its mass as armature.
         sample_time: for which a command is held [s]; it is a multiple of the time step.
         name: of the files.
 
     Raises:
-        BadParameter: a linear axis, or a torque that is not in N m.
+        BadParameter: a torque that is not in N m, or a force that is not in N.
     """
     timeless = model.without_clock()
     native = native_part(timeless)
@@ -73,7 +74,7 @@ def mujoco_model(model: ServoModel, *, sample_time: float | None = None, name: s
     code = _function(timeless, native, name)
     inner = beyond(timeless)
     called = [effect.title for effect in (*inner.effects, *sensor_effects(timeless))]
-    own_delay = bool(code) and native.lag == 0.0 and inner.needs("torque")
+    own_delay = bool(code) and native.lag == 0.0 and inner.needs(strength(model))
     words = {
         "inertia": True,
         "viscous friction": native.damping > 0.0,
@@ -116,9 +117,10 @@ def _left_out(model: ServoModel, timeless: ServoModel) -> list[str]:
 def _mjcf(native: Native, timestep: float, name: str, *, own_delay: bool) -> str:
     turning, tilt = hypot(native.gravity, native.quadrature), atan2(native.quadrature, native.gravity)
     arm_inertia = _WEIGHT * native.inertia if turning else 0.0
-    mass = turning**2 / (_GRAVITY**2 * arm_inertia) if turning else 1e-6
+    own, slides = 1e-3 * native.inertia, native.axis == "linear"
+    mass = turning**2 / (_GRAVITY**2 * arm_inertia) if turning else own if slides else 1e-6
     reach = turning / (mass * _GRAVITY) if turning else 0.0
-    own = 1e-3 * native.inertia
+    joint = 'type="slide" axis="1 0 0"' if slides else 'type="hinge" axis="0 -1 0"'
     armature = native.inertia - arm_inertia - own
     body = f'<inertial pos="{reach * cos(tilt):.9g} 0 {0.0 - reach * sin(tilt):.9g}" mass="{mass:.9g}" '
     body += f'diaginertia="{own:.9g} {own:.9g} {own:.9g}"/>'
@@ -126,9 +128,10 @@ def _mjcf(native: Native, timestep: float, name: str, *, own_delay: bool) -> str
     hard = f'solreffriction="{2.0 * timestep:.9g} 1" solimpfriction="0.9999 0.9999 1 0.5 1"'
     motor = ""
     if native.motor_inertia:
+        motor_mass = f"{native.motor_inertia * 0.001:.9g}" if slides else "1e-6"
         motor = (
-            f'    <body name="motor">\n      <joint name="motor" type="hinge" axis="0 -1 0" '
-            f'armature="{native.motor_inertia * 0.999:.9g}"/>\n      <inertial pos="0 0 0" mass="1e-6" '
+            f'    <body name="motor">\n      <joint name="motor" {joint} '
+            f'armature="{native.motor_inertia * 0.999:.9g}"/>\n      <inertial pos="0 0 0" mass="{motor_mass}" '
             f'diaginertia="{3 * f"{native.motor_inertia * 0.001:.9g} "}"/>\n    </body>\n'.replace(' "/>', '"/>')
         )
     drive = 'gaintype="fixed" gainprm="1" biastype="none"'
@@ -138,19 +141,20 @@ def _mjcf(native: Native, timestep: float, name: str, *, own_delay: bool) -> str
         drive += f' forcelimited="true" forcerange="{-native.limit:.9g} {native.limit:.9g}"'
     if native.delay and not own_delay:
         drive += f' delay="{native.delay:.9g}" nsample="{ceil(native.delay / timestep) + 2}" interp="zoh"'
+    said = "m, N, kg." if slides else "rad, N m, kg m^2; angle zero is where gravity pulls most."
     return f"""<mujoco model="{name}">
-  <!-- A servo on a bench. rad, N m, kg m^2; angle zero is where gravity pulls most. Copy joint and actuator. -->
+  <!-- A servo on a bench. {said} Copy joint and actuator. -->
   <compiler angle="radian"/>
   <option timestep="{timestep:.9g}" gravity="0 0 -{_GRAVITY}" integrator="Euler"/>
   <worldbody>
 {motor}    <body name="load">
-      <joint name="load" type="hinge" axis="0 -1 0" armature="{armature:.9g}" damping="{native.damping:.9g}"{friction}
+      <joint name="load" {joint} armature="{armature:.9g}" damping="{native.damping:.9g}"{friction}
         {hard}/>
       {body}
     </body>
   </worldbody>
   <actuator>
-    <general name="torque" joint="{"motor" if native.motor_inertia else "load"}" {drive}/>
+    <general name="{axis_quantities(native.axis)[2]}" joint="{"motor" if native.motor_inertia else "load"}" {drive}/>
   </actuator>
 </mujoco>
 """
@@ -171,19 +175,24 @@ def _function(model: ServoModel, native: Native, name: str) -> str:
         f"{given} = {value!r}  # {': '.join(filter(None, (printed(spec.unit), spec.meaning)))}"
         for given, spec, value in used
     )
+    place, length, push, unit = axis_quantities(native.axis)
     shown = text_of({"shown": rest.reading}, [rest.symbols[0], *own.symbols], python())
     return _TEMPLATE.format(
         name=name,
         what=", ".join(effect.title for effect in (*rest.effects, *sensor_effects(model))),
         constants=constants,
         delay=0.0 if native.lag else native.delay,
+        place=place,
+        length=length,
+        push=push,
+        unit=unit,
         limit="math.inf" if native.limit is None else repr(native.limit),
         drive="motor" if native.motor_inertia else "load",
         begin=_lines(f"self.{one} = {'0.0' if k else 'None'}" for k, one in enumerate(rest.remembered)),
         entering=_entering(native, rest),
-        motion=_lines(motion for motion in (_MOTOR,) if native.motor_inertia),
+        motion=_lines(motion for motion in (_MOTOR.format(place=place),) if native.motor_inertia),
         memory=_lines(
-            f"{one} = self.{one}" if k else f"{one} = angle if self.{one} is None else self.{one}"
+            f"{one} = self.{one}" if k else f"{one} = {place} if self.{one} is None else self.{one}"
             for k, one in enumerate(rest.remembered)
         ),
         between=_lines(f"{w.name} = {w.text}" for w in text.between),
@@ -201,24 +210,27 @@ def _lines(lines: Iterable[str]) -> str:
 
 def _entering(native: Native, rest: Beyond) -> str:
     """Code for the torque after lag and limit."""
-    if not rest.needs("torque"):
+    push = axis_quantities(native.axis)[2]
+    if not rest.needs(push):
         return "data.ctrl[self.actuator] = command"
     if native.lag:
-        return "data.ctrl[self.actuator] = command\n        torque = min(max(float(data.act[self.act]), -limit), limit)"
+        return (
+            f"data.ctrl[self.actuator] = command\n        {push} = min(max(float(data.act[self.act]), -limit), limit)"
+        )
     return (
         "self.late.append(command)\n"
-        "        torque = min(max(self.late[0], -limit), limit)\n"
-        "        data.ctrl[self.actuator] = torque"
+        f"        {push} = min(max(self.late[0], -limit), limit)\n"
+        f"        data.ctrl[self.actuator] = {push}"
     )
 
 
-_MOTOR = "motor_angle, motor_velocity = data.qpos[self.drive], data.qvel[self.drive]"
+_MOTOR = "motor_{place}, motor_velocity = data.qpos[self.drive], data.qvel[self.drive]"
 _TEMPLATE = '''"""What MuJoCo has no attribute for in {name}.xml: {what}.
 
     model = mujoco.MjModel.from_xml_path("{name}.xml")
     data, servo = mujoco.MjData(model), Servo(model)
-    servo.step(model, data, command)  # torque [N m]; in place of mujoco.mj_step
-    servo.reading(data)               # angle that the sensor shows [rad]
+    servo.step(model, data, command)  # {push} [{unit}]; in place of mujoco.mj_step
+    servo.reading(data)               # {place} that the sensor shows [{length}]
 
 It writes data.ctrl, data.qfrc_applied and model.dof_frictionloss of its joint, and nothing else.
 """
@@ -230,7 +242,7 @@ import mujoco
 
 {constants}
 delay = {delay!r}  # s: dead time that is kept here, and not by the actuator
-limit = {limit}  # N m
+limit = {limit}  # {unit}
 
 
 def sign(x):
@@ -240,7 +252,7 @@ def sign(x):
 class Servo:
     """One servo; one object for each simulation."""
 
-    def __init__(self, model, load="load", drive="{drive}", actuator="torque"):
+    def __init__(self, model, load="load", drive="{drive}", actuator="{push}"):
         self.place, self.dof = int(model.joint(load).qposadr[0]), int(model.joint(load).dofadr[0])
         self.drive = int(model.joint(drive).dofadr[0])
         self.actuator = model.actuator(actuator).id
@@ -249,8 +261,8 @@ class Servo:
         self.late = deque([0.0] * (steps + 1), maxlen=steps + 1){begin}
 
     def step(self, model, data, command):
-        """One time step under a torque command [N m]."""
-        angle, velocity = data.qpos[self.place], data.qvel[self.dof]{motion}
+        """One time step under a {push} command [{unit}]."""
+        {place}, velocity = data.qpos[self.place], data.qvel[self.dof]{motion}
         {entering}{memory}{between}
         data.qfrc_applied[self.dof] = 0.0
         data.qfrc_applied[self.drive] = {motor}
@@ -259,6 +271,6 @@ class Servo:
         mujoco.mj_step(model, data)
 
     def reading(self, data):
-        """What the sensor shows [rad]."""
-        angle = data.qpos[self.place]{shown}
+        """What the sensor shows [{length}]."""
+        {place} = data.qpos[self.place]{shown}
 '''

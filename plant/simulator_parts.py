@@ -12,13 +12,17 @@ from plant.effects.actuator_lag import ActuatorLag
 from plant.effects.effect import Expression
 from plant.errors import BadParameter
 from plant.servo import ServoModel
+from plant.units import axis_quantities
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Native:
     """The part of a servo for which rigid-body simulators have attributes.
 
+    On a linear axis forces and masses take the place of torques and inertias.
+
     Attributes:
+        axis: "rotary" or "linear".
         inertia: of the load, and `motor_inertia` of a motor before it, 0 if they are one [kg m^2].
         damping: viscous friction [N m s/rad].
         friction: dry friction, the same in both directions and at any speed [N m].
@@ -27,6 +31,7 @@ class Native:
         lag, delay: of the actuator [s].
     """
 
+    axis: str
     inertia: float
     motor_inertia: float
     damping: float
@@ -47,8 +52,8 @@ class Beyond:
         motor, load: torques to add at the motor and at the load [N m]; without a separate motor, their sum.
         friction: dry friction of this step [N m].
         remembered: names of stored values, and `after` their next values.
-        symbols: angle, velocity, torque after the actuator; with a motor before the load its angle and velocity; then
-            the stored values.
+        symbols: angle, velocity, torque after the actuator, on a linear axis position, velocity, force; with a motor
+            before the load its angle and velocity; then the stored values.
         reading: the measurement of the sensor.
     """
 
@@ -72,14 +77,20 @@ def native_part(model: ServoModel) -> Native:
     """The part of a model without clock for which simulators have attributes.
 
     Raises:
-        BadParameter: a linear axis, or a torque that is not in N m.
+        BadParameter: a torque that is not in N m, or a force that is not in N.
     """
-    if model.axis == "linear" or model.torque_unit is not None:
-        raise BadParameter("Simulators of rigid bodies need a rotary axis with its torque in N m.")
+    if model.torque_unit is not None:
+        _, _, torque, unit = axis_quantities(model.axis)
+        option = {"A": "--torque-constant", "rad": "--kp", "m": "--kp"}.get(model.torque_unit, f"--scale {torque}=")
+        raise BadParameter(
+            f"Simulators of rigid bodies need a {torque} in {unit}, but that of the model is in {model.torque_unit}; "
+            f"identify the model again with {option}."
+        )
     motor, gravity = model.drivetrain, model.effect("gravity_offset")
     coulomb, lag, limit = (model.effect(name) for name in ("coulomb_friction", "actuator_lag", "torque_saturation"))
     share = float(motor.share()) if motor is not None else 0.0
     return Native(
+        axis=model.axis,
         inertia=(1.0 - share) * model.inertia,
         motor_inertia=share * model.inertia,
         damping=model.viscous_friction,
@@ -96,11 +107,12 @@ def beyond(model: ServoModel) -> Beyond:
     """The rest of a model without clock, with numbers or symbols as parameters."""
     native = (CoulombFriction, GravityOffset, TorqueSaturation, ActuatorLag)
     rest = [e for e in model.effects if not isinstance(e, native) and e.name != "input_delay"]
+    place, _, strength, _ = axis_quantities(model.axis)
     x, v, torque, motor_angle, motor_velocity = (
-        ca.SX.sym(name) for name in ("angle", "velocity", "torque", "motor_angle", "motor_velocity")
+        ca.SX.sym(name) for name in (place, "velocity", strength, f"motor_{place}", "motor_velocity")
     )
     sliding = [effect for effect in rest if effect.states == (State.RELAXED,)]
-    memory = [ca.SX.sym(name) for name in ("angle_before", *(f"{effect.name}_state" for effect in sliding))]
+    memory = [ca.SX.sym(name) for name in (f"{place}_before", *(f"{effect.name}_state" for effect in sliding))]
     held = {e.name: e.slide(s, x - memory[0]) for e, s in zip(sliding, memory[1:], strict=True)}
     flexible = model.drivetrain
     leaving: Expression = torque

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,12 +30,15 @@ from plant.effects import (
     SensorLag,
     StribeckFriction,
     TorqueSaturation,
+    catalogue,
 )
+from plant.modelica_class import modelica_class
 from plant.mujoco_model import mujoco_model
 from plant.urdf import urdf
 
 mujoco = pytest.importorskip("mujoco")
 
+ROOT = Path(__file__).parents[1]
 DT = 0.005
 TIME = np.arange(500) * DT
 COMMAND = 2.0 * np.sin(2.0 * np.pi * 0.6 * TIME) + 0.8 * np.sign(np.sin(2.0 * np.pi * 0.83 * TIME))
@@ -94,6 +99,14 @@ def test_each_effect_is_in_the_mjcf_or_called_or_left_out():
     assert (rigid.called, list(rigid.files)) == ((), ["antidrive.xml"])
 
 
+def test_the_page_on_simulators_lists_what_is_left_out():
+    page = " ".join((ROOT / "docs/howto/simulators.md").read_text(encoding="utf-8").split())
+    for kind in catalogue.values():
+        model = ServoModel(effects=(kind(**{spec.name: 0.3 for spec in kind.parameters()}),))
+        if mujoco_model(model).left_out or modelica_class(model).left_out:
+            assert kind.title in page, kind.name
+
+
 def test_urdf_has_damping_friction_limit_and_weight():
     effects = (
         TorqueSaturation(limit=1.5),
@@ -140,11 +153,50 @@ def test_the_fmu_with_one_torque_moves_as_the_model_does(tmp_path):
     assert in_fmu(TRUTH, COMMAND[:200], DT, tmp_path).tolist() == here.tolist()
 
 
-def test_a_linear_axis_or_volts_are_refused():
-    for model in (ServoModel(gravity=0.0, axis="linear"), ServoModel(torque_unit="V")):
-        for make in (mujoco_model, urdf):
-            with pytest.raises(BadParameter, match="rotary axis with its torque in N m"):
-                make(model)
+LINEAR = {
+    "rigid": (CoulombFriction(torque=6.0), TorqueSaturation(limit=60.0)),
+    "dead": (InputDelay(time=0.01), DeadZone(half_width=5.0), Cogging(amplitude=3.0, order=60.0, phase=0.2)),
+    "presliding": (PreslidingHysteresis(torque=6.0, stiffness=60.0), EndStop(angle=0.1, stiffness=4000.0)),
+    "compliance": (Compliance(frequency=60.0, damping=0.05, motor_share=0.3), CoulombFriction(torque=6.0)),
+}
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_a_linear_axis_slides_in_mujoco(name, tmp_path):
+    model = ServoModel(axis="linear", inertia=20.0, gravity=0.0, viscous_friction=30.0, effects=LINEAR[name])
+    force = 30.0 * COMMAND
+    here = simulate(model, command=force, dt=DT)[:-1, 0]
+    there = in_mujoco(model, force, DT, tmp_path)
+    assert np.ptp(here) > 0.2
+    assert np.sqrt(np.mean((there - here) ** 2)) < 3e-3 * np.ptp(here)
+    for text in mujoco_model(model).files.values():
+        assert not re.findall(r"angle \[|torque \[|\[rad\]|\[N m\]|kg m\^2", text)
+
+
+def test_a_linear_axis_is_a_prismatic_joint_in_urdf():
+    effects = (CoulombFriction(torque=6.0), TorqueSaturation(limit=60.0))
+    model = ServoModel(axis="linear", inertia=20.0, gravity=0.0, viscous_friction=30.0, effects=effects)
+    made = urdf(model)
+    assert '<joint name="antidrive" type="prismatic">' in made.text
+    assert '<limit lower="-1000" upper="1000" effort="60" velocity="1e9"/>' in made.text
+    assert '<mass value="20"/>' in made.text
+    assert made.left_out == ("The travel is not in the model: write yours in place of 1000 m.",)
+    here = simulate(model, command=20.0 * COMMAND, dt=DT)[:-1, 0]  # within the limit
+    assert np.sqrt(np.mean((in_urdf(model, 20.0 * COMMAND, DT) - here) ** 2)) < 0.02 * np.ptp(here)
+
+
+@pytest.mark.parametrize(
+    ("unit", "axis", "said"),
+    [
+        ("A", "rotary", "need a torque in N m, but that of the model is in A; .* with --torque-constant"),
+        ("V", "rotary", "need a torque in N m, but that of the model is in V; .* with --scale torque="),
+        ("m", "linear", "need a force in N, but that of the model is in m; .* with --kp"),
+    ],
+)
+def test_a_torque_without_its_scale_is_refused(unit, axis, said):
+    for make in (mujoco_model, urdf):
+        with pytest.raises(BadParameter, match=said):
+            make(ServoModel(gravity=0.0, axis=axis, torque_unit=unit))
 
 
 @pytest.mark.parametrize(
