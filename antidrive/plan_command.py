@@ -9,6 +9,12 @@ import typer
 
 from antidrive.cli_options import Json, Quiet
 
+_LONG = 3600.0  # duration from which a plan is called long [s]
+_UNITS = {
+    "setpoint": "Units: time s, setpoint rad, velocity rad/s, acceleration rad/s^2; on a linear axis m, not rad.",
+    "torque": "Units: time s, torque N m; on a linear axis N.",
+}
+
 
 def plan(
     context: typer.Context,
@@ -43,13 +49,21 @@ def plan(
     blocks = [(part["part"].iloc[0], float(part["time"].iloc[0]), len(part) / rate) for _, part in table.groupby(turns)]
     played = "setpoint" if "setpoint" in table else "torque"
     lines = [f"{name}: {length:.3g} s from {begin:.4g} s on" for name, begin, length in blocks if name != "rest"]
-    lines.append(f"Total: {len(table) / rate:.4g} s, in the column {played}.")
+    seconds = len(table) / rate
+    lines.append(f"Total: {_duration(seconds)}, in the column {played}.")
+    lines.append(_UNITS[played])
+    if seconds > _LONG:
+        lines.append("Warning: this takes more than an hour; plan for a part of the travel, or a higher speed.")
     lines.append(
         f"Record torque (or current), angle and time at {rate:g} Hz or faster; stop the drive if it moves dangerously."
     )
     content: dict[str, Any] = {"schema": 1, "file": str(out), "rate": rate, "duration": len(table) / rate}
     content["parts"] = [{"part": name, "start": begin, "duration": length} for name, begin, length in blocks]
     console.result("\n".join([*lines, f"Written: {out}"]), content)
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.4g} s" if seconds <= _LONG else f"{seconds / 3600.0:.2g} h"
 
 
 def _limits(typed: str) -> Any:

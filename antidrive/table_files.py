@@ -83,15 +83,19 @@ def summary_line(table: DriveTable) -> list[str]:
     """Harmonics, notes and the error of linear interpolation, a sentence each."""
     first, last = table.ends
     unit = table.units[first].split("/")[0]
-    per = "cycles/rev" if unit == "rad" else f"rad/{unit}"
     found = [
-        f"Harmonic with {order:.6g} {per}: amplitude {size:.4g} {table.units[last]}, phase {phase:.4g} rad at zero."
+        f"Harmonic with {_order(order, unit)}: amplitude {size:.4g} {table.units[last]}, phase {phase:.4g} rad at zero."
         for order, size, phase in table.harmonics
     ]
     exact = table.largest_error <= _ROUNDING * float(np.max(np.abs(table.columns[last])))
     error = f"The largest error of linear interpolation is {table.largest_error:.2g} {table.units[last]}."
     error = "Linear interpolation is exact." if exact else error
     return [*found, *table.notes, error]
+
+
+def _order(order: float, unit: str) -> str:
+    number = f"{order:.6g}"
+    return f"{number} rad/{unit}" if unit != "rad" else f"{number} cycle{'s' * (number != '1')}/rev"
 
 
 def _header(name: str, told: Sequence[str], lines: Sequence[str]) -> str:

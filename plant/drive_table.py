@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from plant.effects import Cogging, DeadZone, Effect, EncoderEccentricity, Stage
+from plant.effects import Cogging, DeadZone, Effect, EncoderEccentricity, Stage, TorqueOffset
 from plant.effects.effect import TURN, Array
 from plant.effects.ripple import HARMONICS, Ripple
 from plant.errors import BadParameter
@@ -114,6 +114,8 @@ def drive_table(
     ):
         notes.append("It is not a whole number of periods, so its end does not meet its beginning.")
     at = np.linspace(low, high, points, endpoint=not whole_turn)
+    if kind in ("friction", "gravity"):
+        notes += _offset(model)
     error, jumps = _line_error(parts, at)
     if jumps:
         notes.append("It jumps at zero. On each side extrapolate linearly to zero.")
@@ -126,7 +128,7 @@ def drive_table(
         kind=kind,
         columns=columns,
         units={**dict.fromkeys(columns, of_result), variable: {**motion, strength(model): unit}[variable]},
-        meaning=_MEANINGS[kind].format(torque=strength(model), place=place),
+        meaning=_MEANINGS[kind].format(torque=strength(model), place=f"{'an' if place == 'angle' else 'a'} {place}"),
         notes=tuple(notes),
         harmonics=waves,
         largest_error=error,
@@ -235,9 +237,18 @@ def _cogging(model: ServoModel) -> tuple[str, Parts, list[str]]:
 
 
 def _gravity(model: ServoModel) -> tuple[str, Parts, list[str]]:
-    own: Parts = {"gravity": lambda x: model.gravity * np.cos(x)} if model.axis == "rotary" else {}
+    own: Parts = {"gravity": lambda x: model.gravity * np.cos(x)} if model.gravity else {}
     parts = own | _over_angle(model, periodic=False)
     return next(iter(moving(model))), _some(model, parts, "torque over the angle"), []
+
+
+def _offset(model: ServoModel) -> list[str]:
+    """A note on the torque offset, which depends on nothing and so is in no table."""
+    offset = model.effect("torque_offset")
+    if not isinstance(offset, TorqueOffset):
+        return []
+    unit = torque_unit(model)
+    return [f"Not in the table: the {strength(model)} offset; the drive adds {-offset.torque:.4g} {unit} against it."]
 
 
 def _position_error(model: ServoModel) -> tuple[str, Parts, list[str]]:
@@ -287,8 +298,8 @@ _RESULTS = {"position-error": "error", "dead-zone": "command"}
 
 _MEANINGS = {
     "friction": "what the drive adds against friction at a steady velocity",
-    "cogging": "what the drive adds against cogging at an {place}",
-    "gravity": "what the drive adds against gravity and springs at an {place}",
+    "cogging": "what the drive adds against cogging at {place}",
+    "gravity": "what the drive adds against gravity and springs at {place}",
     "position-error": "error of the measurement; subtract it",
     "dead-zone": "command for the {torque} that shall arrive",
 }

@@ -103,7 +103,7 @@ class ServoModel(Tabled):
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters in order; those of an effect are named `effect.parameter`."""
-        own = tuple(replace(spec, unit=spec.unit_on(self.axis, self.torque_unit)) for spec in parameters_of(type(self)))
+        own = tuple(self._on_axis(spec, spec.name) for spec in parameters_of(type(self)))
         theirs = (
             replace(spec, fitted=spec.fitted or effect.freed)
             for effect in self.effects
@@ -113,10 +113,11 @@ class ServoModel(Tabled):
 
     def parameters_with(self, effect: type[Effect]) -> tuple[Parameter, ...]:
         """The parameters of an effect of that kind, named `effect.parameter`."""
-        return tuple(
-            replace(spec, name=f"{effect.name}.{spec.name}", unit=spec.unit_on(self.axis, self.torque_unit))
-            for spec in effect.parameters()
-        )
+        return tuple(self._on_axis(spec, f"{effect.name}.{spec.name}") for spec in effect.parameters())
+
+    def _on_axis(self, spec: Parameter, name: str) -> Parameter:
+        unit, meaning = spec.unit_on(self.axis, self.torque_unit), spec.meaning_on(self.axis)
+        return replace(spec, name=name, unit=unit, meaning=meaning)
 
     @cached_property
     def quantities(self) -> tuple[str, ...]:

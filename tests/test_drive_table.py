@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from front_door import antidrive, listing, write_model
 
+from antidrive.table_files import summary_line
 from plant import BadParameter, ServoModel, drive_table
 from plant.effects import (
     AsymmetricFriction,
@@ -26,6 +27,7 @@ from plant.effects import (
     LoadDependentFriction,
     PreslidingHysteresis,
     StribeckFriction,
+    TorqueOffset,
 )
 from plant.effects.ripple import RippleOverAngle
 
@@ -129,6 +131,33 @@ def test_gravity_has_all_that_the_angle_takes():
     table = drive_table(FULL, "gravity", points=9, reach=(-1.0, 1.0))
     angle = table.columns["angle"]
     assert table.columns["torque"] == pytest.approx(0.3 * np.cos(angle) + 0.4 * angle)
+
+
+def test_a_torque_offset_is_in_no_table_and_said():
+    biased = FULL.with_effect(TorqueOffset(torque=0.03))
+    for kind in ("friction", "gravity"):
+        said = "Not in the table: the torque offset; the drive adds -0.03 N m against it."
+        assert said in drive_table(biased, kind).notes
+        assert "offset" not in " ".join(drive_table(FULL, kind).notes)
+    assert biased.inverse(0.0, 0.0, 0.0)["torque_offset"].iloc[0] == pytest.approx(-0.03)
+
+
+def test_a_model_without_gravity_has_no_table_of_it():
+    """As that of a log of the speed alone: a table of zeros would pass for a result."""
+    with pytest.raises(BadParameter, match="no torque over the angle; its effects: Coulomb friction"):
+        drive_table(ServoModel(gravity=0.0, effects=(CoulombFriction(torque=0.2),)), "gravity")
+
+
+def test_the_words_are_those_of_the_axis():
+    linear = ServoModel(axis="linear", gravity=0.0, effects=(Cogging(amplitude=3.0, order=2513.0, phase=0.4),))
+    assert drive_table(linear, "cogging").meaning == "what the drive adds against cogging at a position"
+    assert drive_table(FULL, "cogging").meaning == "what the drive adds against cogging at an angle"
+    assert summary_line(drive_table(linear, "cogging"))[0].startswith("Harmonic with 2513 rad/m: ")
+    assert summary_line(drive_table(FULL, "position-error"))[0].startswith("Harmonic with 1 cycle/rev: ")
+    meanings = {spec.name: spec.meaning for spec in linear.parameters}
+    assert meanings["cogging.order"] == "phase per length n"
+    assert meanings["cogging.phase"] == "phase at position zero"
+    assert {spec.name: spec.meaning for spec in FULL.parameters}["cogging.order"] == "periods per turn n"
 
 
 def test_a_dead_zone_of_zero_needs_no_table():

@@ -100,10 +100,22 @@ def test_the_command_writes_the_plan(tmp_path):
     spoken = antidrive(*words)
     assert spoken.code == 0, spoken.err
     assert spoken.out.startswith("chirp: ")
+    assert "Units: time s, setpoint rad, velocity rad/s, acceleration rad/s^2;" in spoken.out
+    assert "Warning" not in spoken.out
     table = pd.read_csv(out)
     assert table["setpoint"].to_numpy() == pytest.approx(first_experiment(ARM, rate=100.0)["setpoint"].to_numpy())
     told = json.loads(antidrive(*words, "--json").out)
     assert told["duration"] == pytest.approx(len(table) / 100.0)
+
+
+def test_a_plan_of_more_than_an_hour_is_warned_of(tmp_path):
+    words = ("plan", "--limits", "travel=0:100,speed=0.1,acceleration=1", "--rate", 20, "--out", tmp_path / "plan.csv")
+    spoken = antidrive(*words)
+    assert spoken.code == 0, spoken.err
+    hours = json.loads(antidrive(*words, "--json").out)["duration"] / 3600.0
+    assert hours > 1.0
+    assert f"Total: {hours:.2g} h, in the column setpoint." in spoken.out
+    assert "Warning: this takes more than an hour; plan for a part of the travel" in spoken.out
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import MISSING, dataclass, field, fields
 from functools import lru_cache
 from typing import Any, Literal, TypeAlias
@@ -24,6 +25,15 @@ _PER_ANGLE = {
     "{torque}/{angle}": "-",
     "{torque}/{angle}^3": "1/{angle}^2",
 }  # unit of a parameter whose torque is counted in the angle of a position servo's error
+
+_ON_LINEAR_AXIS = {
+    "periods per turn": "phase per length",
+    "angle from": "distance from",
+    "angle": "position",
+    "torque": "force",
+    "inertia": "mass",
+}
+"""Words of a rotary axis in the meaning of a parameter, and those of a linear one."""
 
 _LONGEST_LAG = 0.1  # fraction of a log
 
@@ -61,6 +71,11 @@ class Parameter:
             return _MASSES.get(unit, unit)
         unit = _PER_ANGLE.get(self.unit, self.unit) if torque_unit == names["angle"] else self.unit
         return unit.format(**{**names, "torque": torque_unit})
+
+    def meaning_on(self, axis: Axis) -> str:
+        """The meaning in the words of a rotary or linear axis."""
+        words = _ON_LINEAR_AXIS if axis == "linear" else {}
+        return re.sub("|".join(words), lambda found: words[found[0]], self.meaning) if words else self.meaning
 
     def bounds(self, first: float, last: float, sample_time: float) -> tuple[float, float]:
         """Bounds of values that a log can determine, from its first and last instant and its sample time [s]."""
