@@ -11,6 +11,7 @@ import casadi as ca
 
 from plant.code_dialects import Dialect, c99, structured_text
 from plant.code_text import Symbolic, Text, text_of
+from plant.drive_table import harmonics
 from plant.effects.parameter import Parameter
 from plant.errors import BadParameter
 from plant.inverse import (
@@ -26,6 +27,7 @@ from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 from plant.units import printed
 
+_ROUNDING = 2e-7  # relative error of a product of two numbers in single precision, each of them rounded
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
@@ -159,13 +161,26 @@ class _Code:
         lines.append("Give the set-point's values, not measured ones: friction follows the sign of the velocity.")
         if self.equations.remembered:
             lines.append("Presliding follows the travel of the load: call it once in every sample.")
-        return lines + self.notes
+        return lines + self.notes + self.rounding()
+
+    def rounding(self) -> list[str]:
+        """How fast a periodic effect loses digits in single precision, a sentence."""
+        orders = {e.title: max((wave[0] for wave in harmonics(e)), default=0.0) for e in self.model.effects}
+        title = max(orders, key=lambda name: orders[name], default="")
+        if not (self.single and title and orders[title] > 0.0):
+            return []
+        place, unit = next(iter(self.units.items()))
+        return [
+            f"Single precision rounds the phase of the {title}, by up to {_ROUNDING * orders[title]:.1g} rad for each "
+            f"{unit} of the {place} from zero."
+        ]
 
     def header(self) -> str:
         """The C header."""
         name, unit, real = self.name, torque_unit(self.model), f"{self.name}_real"
         guard, place = f"{name}_FEEDFORWARD_H".upper(), next(iter(self.units))
         shares = [f"    {real} {share}; /* {unit} */" for share in self.equations.shares]
+        begins = f": presliding starts unloaded at this {place}" if self.equations.remembered else ""
         memory = [f"    {real} {one}; /* remembered */" for one in self.equations.remembered]
         return "\n".join(
             [
@@ -183,7 +198,7 @@ class _Code:
                 *memory,
                 "};",
                 "",
-                f"/* Before the first call: presliding starts unloaded at this {place}. */",
+                f"/* Before the first call{begins}. */",
                 f"void {name}_feedforward_init(struct {name}_feedforward *self, {real} {place});",
                 "",
                 f"/* The {self.what} [{unit}] for this set-point. */",

@@ -110,6 +110,25 @@ def test_the_c_code_gives_the_torque_of_the_model(name, single, tmp_path):
     assert np.ptp(torque) > 1.0
 
 
+def test_single_precision_says_how_its_phase_is_rounded():
+    ripple = Cogging(amplitude=3.0, order=2513.0, phase=0.4)
+    rough = ServoModel(inertia=3.0, gravity=0.0, axis="linear", effects=(ripple,))
+    said = "Single precision rounds the phase of the cogging, by up to 0.0005 rad for each m of the position from zero."
+    for file in ("antidrive_feedforward.h", "antidrive_feedforward.st"):
+        assert said in feedforward_code(rough, single=True).files[file]
+        assert "Single precision" not in feedforward_code(rough).files[file]
+        assert "Single precision" not in feedforward_code(LINEAR, single=True).files[file]
+    place = np.linspace(0.0, 2.0, 9999)
+    off = np.float32(ripple.order) * place.astype(np.float32) - ripple.order * place
+    assert 0.2 < np.max(np.abs(off[1:]) / (5e-4 * place[1:])) < 1.0
+
+
+def test_only_a_model_with_presliding_speaks_of_it():
+    for model, told in ((LINEAR, False), (REMEMBERING, True)):
+        header = feedforward_code(model).files["antidrive_feedforward.h"]
+        assert ("presliding starts unloaded" in header) == told
+
+
 def evaluated(text: str, rows: np.ndarray) -> list[dict[str, float]]:
     """All variables of a function block after each row, by a few lines that know no more of the language than it uses.
 
