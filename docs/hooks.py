@@ -79,7 +79,8 @@ def gallery() -> str:
 def effect(kind: type[Effect]) -> str:
     """One effect: equation, words, parameters, picture, confused effects."""
     found = signature(kind)
-    lines = [f"### {sentence_case(kind.title)} {{ #{kind.name} }}", f"<div>{typeset(kind.equation)}</div>"]
+    scrolled = f'<div style="overflow: auto hidden">{typeset(kind.equation)}</div>'  # on a phone, not the whole page
+    lines = [f"### {sentence_case(kind.title)} {{ #{kind.name} }}", scrolled]
     lines += [str(escape(part)).replace("&#39;", "'") for part in paragraphs(kind)]
     lines += [f"Shows as: {escape(kind.trace)}.", "| `" + kind.name + "` | unit | bounds | |\n|---|---|---|---|"]
     lines[-1] += "".join(

@@ -17,6 +17,7 @@ from types import ModuleType
 
 import pytest
 import yaml
+from browser import chromium
 
 from plant import catalogue
 
@@ -101,6 +102,18 @@ def test_every_effect_has_its_part_and_its_picture(site: Path) -> None:
         drawn = (site / "gallery" / f"{name}.svg").read_text(encoding="utf-8")
         assert drawn.count("<path") > 10
         assert f"gallery/{name}.svg" in found.loads
+
+
+def test_a_long_equation_scrolls_and_not_the_page(site: Path) -> None:
+    page = (site / "gallery.html").read_text(encoding="utf-8")
+    assert page.count("<math") == page.count('<div style="overflow: auto hidden"><math') == len(catalogue)
+
+
+def test_the_gallery_fits_on_a_phone(site: Path) -> None:
+    with chromium() as browser:
+        page = browser.new_page(viewport={"width": 400, "height": 800}, is_mobile=True)
+        page.goto((site / "gallery.html").as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth") == 400
 
 
 @pytest.mark.parametrize(
