@@ -21,6 +21,7 @@ from plant.effects.effect import Array, Axis
 
 _TORQUE_SHARE = 0.03  # noise of the residual torque, as a share of the rms torque command
 _BINS = 24
+_REST = 0.02  # of the largest speed: below it a sample counts as at rest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,8 +79,25 @@ class ResidualTorque:
             "force": self.command,
             "time": self.time,
         }
-        independent = 2.0 * self.cutoff * float(np.median(np.diff(self.time)))
+        independent = self._independent
         return tuple(_curve(c.variable, c.unit, variables[c.variable], torque, independent) for c in self.curves)
+
+    def folded(self, period: float, torque: Array) -> Curve | None:
+        """A torque (T,) over the angle within one period; None without a measured angle, or two periods of it.
+
+        Samples at rest are left out: stiction takes any value there.
+        """
+        over = next((curve for curve in self.curves if curve.variable in ("angle", "position")), None)
+        if over is None or np.ptp(self.angle) < 2.0 * period:
+            return None
+        name = f"{over.variable} modulo {period:.4g} {over.unit}"
+        moves = np.abs(self.velocity) > _REST * np.max(np.abs(self.velocity))
+        return _curve(name, over.unit, np.mod(self.angle[moves], period), torque[moves], self._independent)
+
+    @property
+    def _independent(self) -> float:
+        """Independent values per sample after the low pass."""
+        return 2.0 * self.cutoff * float(np.median(np.diff(self.time)))
 
     @property
     def excess(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,9 +21,12 @@ from diagnosis.explanation.cumulative_evidence import cumulative_evidence, resid
 from diagnosis.explanation.detectable import detectable
 from diagnosis.explanation.wording import measured, percent, strength
 from diagnosis.holdout import gain_errors
+from identification import fit
 from identification.log import Log
 from plant import ServoModel
+from plant.effects import AsymmetricFriction, Cogging
 
+CART = Path(__file__).parents[1] / "notebooks" / "data" / "axis.csv"
 FRICTION = 0.1  # N m
 FEW = ("coulomb_friction", "stribeck_friction", "cogging", "input_delay")
 
@@ -123,6 +127,24 @@ def test_the_residual_torque_shows_the_jump_that_was_hidden() -> None:
     below, above = (float(seen.predicted[slow & side].mean()) for side in (seen.centre < 0, seen.centre > 0))
     assert 0.5 * FRICTION < below - above < 2.5 * FRICTION  # 2 F_c, less what viscous friction and filter take
     assert 0 < seen.standing_out < seen.centre.size
+
+
+def test_a_fine_ripple_is_seen_within_one_period() -> None:
+    """Over the whole travel of the cart an interval has 24 periods, and its mean is zero."""
+    units = {"time": "ms", "position": "mm"}
+    log = Log.read(CART, mapping={"time": "t", "force": "F", "position": "x"}, units=units)
+    friction = AsymmetricFriction(forward=18.0, backward=24.0)
+    base = ServoModel(axis="linear", inertia=95.0, gravity=0.0, viscous_friction=210.0, effects=(friction,))
+    before, after = fit(log, base), fit(log, base.with_effect(Cogging(amplitude=3.0, order=2513.0, phase=0.4)))
+    seen = residual_over_variable(before, after)
+    assert seen is not None
+    assert (seen.variable, seen.unit) == ("position modulo 0.0025 m", "m")
+    assert 0.0 <= seen.centre.min() < seen.centre.max() <= 0.0025
+    assert seen.share > 0.9
+    assert seen.standing_out > 18
+    wave = 3.0 * np.sin(2513.274 * seen.centre + 0.4)
+    assert np.corrcoef(seen.before, wave)[0, 1] > 0.95
+    np.testing.assert_allclose(seen.predicted, wave, atol=0.3)
 
 
 def test_a_model_that_leaves_more_torque_missing_shows_nothing() -> None:

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.residual_torque import residual_torque
+from diagnosis.residual_torque import Curve, residual_torque
 from identification.fit_result import Fit
-from plant.effects.effect import Array
+from plant.drive_table import harmonics
+from plant.effects.effect import TURN, Array, Stage
 
 _TELLING = 0.3  # least share of the predicted torque's variance that the variable must explain
 _PARTS = 10  # parts of the log, to see whether the evidence comes from one moment
@@ -92,11 +93,17 @@ def residual_over_variable(before: Fit, after: Fit) -> ResidualOverVariable | No
     lacks = residual_torque(after, lacked.cutoff)
     if lacks.rms >= lacked.rms:
         return None
-    predicted = lacked.curves_of(lacked.torque - lacks.torque)
+    period = _period(before, after)
+
+    def curves(torque: Array) -> list[Curve]:
+        once = lacked.folded(period, torque) if period else None
+        return [*lacked.curves_of(torque), *([once] if once else [])]
+
+    predicted = curves(lacked.torque - lacks.torque)
     place = int(np.argmax([curve.share for curve in predicted]))
     if predicted[place].share < _TELLING:
         return None
-    seen = lacked.curves[place]
+    seen = curves(lacked.torque)[place]
     return ResidualOverVariable(
         variable=seen.variable,
         unit=seen.unit,
@@ -104,7 +111,18 @@ def residual_over_variable(before: Fit, after: Fit) -> ResidualOverVariable | No
         centre=seen.centre,
         before=seen.mean,
         band=seen.band,
-        after=lacked.curves_of(lacks.torque)[place].mean,
+        after=curves(lacks.torque)[place].mean,
         predicted=predicted[place].mean,
         share=predicted[place].share,
     )
+
+
+def _period(before: Fit, after: Fit) -> float | None:
+    """Longest period over the angle of the torques that only the later model has; None without any.
+
+    A fine ripple has many periods in an interval of the angle, in which its mean vanishes.
+    """
+    had = {effect.name for effect in before.model.effects}
+    new = [e for e in after.model.effects if e.name not in had and e.curve_over == "angle" and e.stage is Stage.LOAD]
+    orders = [order for effect in new for order, *_ in harmonics(effect) if order > 0.0]
+    return TURN / min(orders) if orders else None
