@@ -23,6 +23,7 @@ from plant.symbolic import one_at_a_time
 Method: TypeAlias = Literal["rk4", "backward_difference"]
 _INSTANT = 1e-15  # [s]
 _TURN = 0.25  # largest phase of the rigid body's own motion in an integration step [rad]
+_ROTATION = 1.0  # largest rotation in an integration step, for torques that repeat with each turn [rad]
 _MOST_STEPS = 20  # integration steps per sample that the rigid body may require
 
 INPUTS = ("command", "previous_command", "servo_gain", "command_limit", "time", "dt", "width", "servo_damping")
@@ -89,7 +90,9 @@ class Structure:
         return self.model.structure
 
 
-def longest_step(model: ServoModel, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0) -> float:
+def longest_step(
+    model: ServoModel, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0, speed: float = 0.0
+) -> float:
     """Longest integration step that follows the rigid body and every effect in a log of that sample time [s].
 
     Args:
@@ -97,17 +100,22 @@ def longest_step(model: ServoModel, sample_time: float, *, stiffness: float = 0.
         sample_time: of the log [s].
         stiffness: gain of a position servo that holds the load [N m/rad].
         damping: its gain on the velocity [N m s/rad].
+        speed: highest speed of the load in the log [rad/s].
     """
     held = math.sqrt((abs(model.gravity) + stiffness) / model.inertia)
     rate = (model.viscous_friction + damping) / model.inertia + held
     shortest = sample_time / _MOST_STEPS
-    rigid = max(_TURN / rate, shortest) if rate > 0.0 else sample_time
+    turns = speed / _ROTATION if model.axis == "rotary" else 0.0
+    rate = max(rate / _TURN, turns)
+    rigid = max(1.0 / rate, shortest) if rate > 0.0 else sample_time
     return min(rigid, sample_time, *(effect.step_within(sample_time) for effect in model.effects))
 
 
-def integration_steps(model: ServoModel, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0) -> int:
+def integration_steps(
+    model: ServoModel, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0, speed: float = 0.0
+) -> int:
     """Integration steps in one sample, none longer than `longest_step`."""
-    longest = longest_step(model, sample_time, stiffness=stiffness, damping=damping)
+    longest = longest_step(model, sample_time, stiffness=stiffness, damping=damping, speed=speed)
     return max(1, int(np.ceil(sample_time / longest * (1.0 - 1e-6))))
 
 

@@ -85,7 +85,8 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
     end = [s + h / 6 * (a + 2 * b + 2 * c + d) for s, a, b, c, d in zip(start, k1, k2, k3, k4, strict=True)]
     half = moved(h / 2, k1)
     if model.slides:
-        at = _moment(model, step, x, (x, (v + end[1]) / 2), arriving(half, "middle")[1], h / 2)
+        speed = (ca.if_else(v * end[1] > 0, v, 0) + end[1]) / 2  # mean; after a reversal that of the rest of the step
+        at = _moment(model, step, x, (x, speed), arriving(half, "middle")[1], h / 2)
         end[:2] = _stop_and_go(model, x, v, end[0], end[1], at, step)
     angles = x, (x + end[0]) / 2 + h * (v - end[1]) / 8, end[0]
     return ca.vertcat(end[0], end[1], *_own_after(model, own, step, way, angles, half[:2], end))
@@ -218,9 +219,23 @@ def _stop_and_go(model: ServoModel, x: Any, v: Any, angle: Any, velocity: Any, a
     taken = most * ca.fmax(ca.fmin(free / reach, 1), -1)
     smooth = (angle + slowing * h**2 / 2 - h / 2 * taken, free - taken)
 
+    # Exact form. Until it stops, the load follows the Runge-Kutta step, at least to its mean acceleration and jerk.
+    jerk = 12 * (h * (v + velocity) / 2 - (angle - x)) / ca.fmax(h, 1e-15) ** 3
+    chord = (velocity - v) / ca.fmax(h, 1e-15)
     same_way = v * velocity > 0
-    to_rest = ca.fmin(h * v / ca.if_else(same_way, ca.sign(v) * 1e15, v - velocity + 1e-300), h)
+    about = ca.fmin(h * v / ca.if_else(same_way, ca.sign(v) * 1e15, v - velocity + 1e-300), h)
+    late = jerk * about * (h - about) / 2  # velocity in which the chord errs
+    slope = chord + jerk * (about - h / 2)
+    to_rest = ca.if_else(slope * chord > 0, ca.fmax(ca.fmin(about + late / slope, h), 0), about)
+    left = h - to_rest
     again = ca.fmax(pull - forward, 0) + ca.fmin(pull + backward, 0)
-    stopped = (x + v * to_rest / 2 + again * (h - to_rest) ** 2 / 2, again * (h - to_rest))
+    changed = again - chord  # by the friction, which acts the other way now
+    fading = model.viscous_friction / inertia * left
+    halted = angle - velocity * left / 2 + jerk * left**3 / 12
+    slides = ca.fabs(again) > 0
+    stopped = (
+        ca.if_else(slides, angle + changed * left**2 / 2 * (1 - fading / 3), halted),
+        ca.if_else(slides, velocity + changed * left * (1 - fading / 2), 0),
+    )
     exact = [ca.if_else(same_way, a, b) for a, b in zip((angle, velocity), stopped, strict=True)]
     return [ca.if_else(width > 0, a, b) for a, b in zip(smooth, exact, strict=True)]

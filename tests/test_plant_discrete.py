@@ -10,7 +10,7 @@ from machine import Machine, excitation, record
 
 from plant import BadParameter, ServoModel, catalogue, sample_step, simulate
 from plant.discrete import INPUTS, division, integration_steps, sample_reading, stretches
-from plant.effects import CoulombFriction, InputDelay, StribeckFriction
+from plant.effects import CoulombFriction, Effect, InputDelay, StribeckFriction
 from plant.simulation import beginning, held_commands
 
 SAMPLE = 0.005
@@ -222,6 +222,42 @@ def test_the_command_before_the_log_is_its_first() -> None:
     assert now.tolist() == [3.0, 3.0, 4.0]
     assert before.tolist() == [3.0, 3.0, 3.0]
     assert switch == pytest.approx(0.0025)
+
+
+@pytest.mark.parametrize(
+    ("effect", "slack"),
+    [
+        pytest.param(catalogue["friction_drift"](viscous_rate=0.04, coulomb_rate=0.0), 1e-7, id="no dry friction"),
+        pytest.param(CoulombFriction(torque=5.0), 2e-7, id="Coulomb friction"),
+        pytest.param(
+            catalogue["asymmetric_friction"](forward=5.0, backward=3.0, viscous_difference=0.0), 2e-7, id="asymmetric"
+        ),
+    ],
+)
+def test_a_reversal_is_as_accurate_as_the_way_to_it(effect: Effect, slack: float) -> None:
+    """In an accurate log an error of the integration is unmodelled torque, and hides the friction itself."""
+    model = ServoModel(inertia=0.1, gravity=1.0, viscous_friction=0.9, effects=(effect,))
+    coarse, fine = (sample_step(model, substeps=substeps) for substeps in (1, 64))
+    state, worst, reversals = np.array([0.1, 0.0]), 0.0, 0
+    for command in np.repeat(np.random.default_rng(0).choice([-60.0, -20.0, -4.0, 4.0, 20.0, 60.0], 100), 7):
+        inputs = [command, command, 0.0, np.inf, 1.0, 0.004, 0.0, 0.0]
+        once, after = (np.array(step(state, inputs, model.values)).ravel() for step in (coarse, fine))
+        worst, reversals = max(worst, abs(once[0] - after[0])), reversals + (state[1] * after[1] < 0.0)
+        state = after
+    assert reversals > 10
+    assert worst < slack
+
+
+def test_gravity_is_followed_through_turns_within_a_sample() -> None:
+    model = ServoModel(inertia=0.02, gravity=3.0, viscous_friction=0.04)
+    speed, sample = 300.0, 0.02
+    steps = integration_steps(model, sample, speed=speed)
+    inputs = [12.0, 12.0, 0.0, np.inf, 0.0, sample, 0.0, 0.0]
+    once, fine = (
+        np.array(sample_step(model, substeps=n)([0.3, speed], inputs, model.values)).ravel() for n in (steps, 20 * steps)
+    )
+    assert steps > integration_steps(model, sample)
+    assert once[0] == pytest.approx(fine[0], abs=1e-5)
 
 
 def test_a_steady_speed_is_that_of_the_equations() -> None:
