@@ -17,7 +17,7 @@ import numpy as np
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.wording import measured, percent
-from diagnosis.holdout import bounded, cut, restart_window, squared_errors
+from diagnosis.holdout import STARTS, bounded, cut, restart_window, squared_errors
 from diagnosis.jackknife import BLOCKS
 from diagnosis.levels import SURELY, TWICE
 from diagnosis.refit import estimates, is_plausible, settled, without
@@ -26,6 +26,7 @@ from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem, first_states
+from identification.simulation import starting_state
 from plant.effects import catalogue
 from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
@@ -192,6 +193,10 @@ def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
     problem = Problem.of(replace(log, colour=fit.log.colour), fit.model, fixed=fit.model.names)
     begun = problem.pack(fit.model.values, first_states(log))
     values, initial = problem.unpack(problem.minimise(begun, bandwidth, 0.0).point)
+    if fit.model.drivetrain is not None and not fit.model.chaotic:  # its twist is a part of the initial state
+        early = STARTS * restart_window(log)
+        stretches = [run.slice(0, max(int(early / run.sample_time), 10)) for run in log.runs]
+        initial = np.array([starting_state(log, stretch, fit.model) for stretch in stretches])
     told = problem.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
     errors = np.concatenate([one.innovations[run.valid] for one, run in zip(told, log.runs, strict=True)])
     return bounded(errors) ** 2

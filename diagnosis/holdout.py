@@ -19,7 +19,9 @@ _IRREGULAR, _MORE = 0.05, 3.0  # relative spread of the sample time; ratio of th
 _HUGE = 1e50  # error in place of one that overflowed; its fourth power is still finite
 _SAMPLES = 200  # least number of samples between restarts
 _PIECES = 60  # largest number of windows in the longest run, at any sampling rate
-_STARTS = 0.2  # share of the window from which the initial state is estimated
+
+STARTS = 0.2
+"""Share of a window from which the initial state is estimated."""
 
 
 def restart_window(log: Log) -> float:
@@ -48,7 +50,7 @@ def scoring_window(*path: Fit) -> float | None:
 
 def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[Array, list[Array]]:
     """(T,) squared simulation errors of all valid samples, bounded in case of overflow, and the simulations."""
-    settle = _STARTS * (restart_window(log) if window is None else window)
+    settle = STARTS * (restart_window(log) if window is None else window)
     simulated = free_simulation(log, model, window=window, settle=settle)
     errors = np.concatenate([(r.measured - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
     return bounded(errors) ** 2, simulated

@@ -129,7 +129,7 @@ class Predictor:
 
         Args:
             values: (P,) all parameters of the model.
-            initial: (R, 2) angle and velocity at the first sample of each run.
+            initial: (R, 2) angle and velocity at the first sample of each run, or (R, n) all states.
             bandwidth: of the observer [rad/s]; 0 is a free simulation.
             width: smoothing of dry friction [rad/s]; 0 is the exact form.
             sensitivities: compute the Jacobian too.
@@ -175,11 +175,15 @@ class Predictor:
 
     def _beginning(self, run: Run, values: Array, start: Array, sensitivities: bool) -> list[Array]:
         """State (n,) at the first sample of a run, and its sensitivities (F + 2, n); only the last two are not zero."""
-        (first,), _ = run_inputs(run, self.model, values, 0.0, 0.0, slice(0, 1))
         slopes = np.zeros((len(self.free) + 2 if sensitivities else 0, len(self.model.states)))
         if sensitivities:
             slopes[-2:] = moves_with(self.model)[:, :2].T
-        begin = beginning(
+        return [start if start.size > 2 else self.beginning(run, values, start), slopes]
+
+    def beginning(self, run: Run, values: Array, start: Array) -> Array:
+        """(n,) state at the first sample of a run with an angle and a velocity (2,), all else settled."""
+        (first,), _ = run_inputs(run, self.model, values, 0.0, 0.0, slice(0, 1))
+        return beginning(
             self.model,
             angle=start[0],
             velocity=start[1],
@@ -187,7 +191,6 @@ class Predictor:
             command=first[0],
             goal=first_goal(run.command, run.servo_gain),
         )
-        return [begin, slopes]
 
 
 def _joined(pieces: Sequence[Prediction]) -> Prediction:

@@ -10,7 +10,7 @@ import numpy as np
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Log, Run
 from identification.objective import same_unit
-from identification.predictor import Predictor, steps_in_a_sample
+from identification.predictor import HELD, Prediction, Predictor, moves_with, steps_in_a_sample
 from identification.problem import first_states
 from plant.effects.effect import Array
 from plant.errors import BadParameter
@@ -32,7 +32,8 @@ def free_simulation(
     """Simulate every run from its command, with exact dry friction.
 
     Args:
-        log: its measured output is used only in the first `settle` seconds of each run or window.
+        log: its measured output is used only in the first `settle` seconds of each run or window. If there are windows,
+            an observer also brings the states that are not measured to each start, such as the twist of a shaft.
         model: the servo.
         window: length of the windows [s], each with a new initial state; None simulates each run in one piece.
         settle: length of measured output from which the initial angle and velocity are estimated [s].
@@ -63,6 +64,7 @@ def _simulate_run(
     starts = starts[np.diff(starts, append=len(run)) >= _FEWEST] if len(run) >= _FEWEST else starts[:1]
     starts[:1] = 0
     parts, end = [], None
+    followed = _followed(log, run, model) if len(starts) > 1 and len(model.states) > 2 else None
     for first, last in zip(starts, [*starts[1:], len(run)], strict=True):
         part = run.slice(int(first), int(last))
         seen = int(np.searchsorted(part.time - part.time[0], settle * (1.0 + _ROUNDING), side="right"))
@@ -70,7 +72,8 @@ def _simulate_run(
             # No valid sample to restart from: continue from the end of the last piece.
             state = end if end is not None else np.zeros(2)
         else:
-            state = _initial_state(log, part.slice(0, max(seen, 2)), model)
+            there = None if followed is None or first == 0 else followed[:, first]
+            state = starting_state(log, part.slice(0, max(seen, 2)), model, there)
         # One sample more: the first one of the next piece.
         simulated, end = _from(log, run.slice(int(first), min(int(last) + 1, len(run))), model, state)
         parts.append(simulated[: len(part)])
@@ -78,21 +81,66 @@ def _simulate_run(
     return np.concatenate(parts)
 
 
+def _followed(log: Log, run: Run, model: ServoModel) -> Array:
+    """(n, T) states of an observer that follows a run."""
+    predictor = Predictor(model=model, runs=(run,), free=(), substeps=steps_in_a_sample(model, log))
+    start = first_states(replace(log, runs=(run,)))
+    bandwidth = HELD / log.sample_time
+    return predictor.predict(model.values, start, bandwidth=bandwidth, width=0.0, sensitivities=False)[0].states
+
+
 def _from(log: Log, run: Run, model: ServoModel, state: Array) -> tuple[Array, Array]:
-    """Output (T,) from a state, and the last state (2,)."""
+    """Output (T,) from a state, (2,) or (n,), and the last state (2,)."""
     predictor = Predictor(model=model, runs=(run,), free=(), substeps=steps_in_a_sample(model, log))
     free = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=False)[0]
     return free.output, free.states[:2, -1]
 
 
-def _initial_state(log: Log, start: Run, model: ServoModel) -> Array:
-    """(2,) angle and velocity at the first sample: the model's trajectory is fitted to a short stretch of the run."""
+def starting_state(log: Log, start: Run, model: ServoModel, there: Array | None = None) -> Array:
+    """(n,) state at the first sample of a run, from a fit to a short stretch of its measured output.
+
+    Angle and velocity are fitted. The other states are those of an observer, or settled; then the twist of a shaft and
+    its rate are fitted too, as a load that is moving when the run begins has wound it up.
+
+    Args:
+        log: of the run.
+        start: the stretch.
+        model: the servo.
+        there: (n,) states of an observer at the first sample, if there are earlier samples.
+    """
     predictor = Predictor(model=model, runs=(start,), free=(), substeps=steps_in_a_sample(model, log))
-
-    def linearise(state: Array) -> NormalEquations:
-        (prediction,) = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0)
-        return NormalEquations.of(prediction.innovations, prediction.jacobian)
-
     guess = first_states(replace(log, runs=(start,)))[0]
-    unbounded = np.full(2, np.inf)
-    return minimise(linearise, guess, -unbounded, unbounded, samples=int(start.valid.sum()), iterations=10).point
+    settled = predictor.beginning(start, model.values, guess) if there is None else there
+    moves = moves_with(model)[:, :2]
+    if there is None:
+        moves = np.hstack((moves, np.eye(len(model.states))[:, _twisted(model)]))
+    steps = 1e-3 * max(float(np.ptp(start.output)), 1e-9) * np.array([1.0, 1.0 / max(start.duration, 1e-9)] * 2)
+
+    def linearise(point: Array) -> NormalEquations:
+        def predicted(at: Array, sensitivities: bool = False) -> Prediction:
+            state = settled + moves @ (at - begun)
+            return predictor.predict(
+                model.values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=sensitivities
+            )[0]
+
+        here = predicted(point, sensitivities=True)
+        twisted = [
+            (predicted(point + step * unit).innovations - here.innovations) / step
+            for step, unit in zip(steps[2:], np.eye(point.size)[2:], strict=False)
+        ]
+        return NormalEquations.of(here.innovations, np.column_stack((here.jacobian, *twisted)))
+
+    begun = np.concatenate((settled[:2], np.zeros(moves.shape[1] - 2)))
+    unbounded = np.full(begun.size, np.inf)
+    first = np.concatenate((guess, begun[2:]))
+    found = minimise(linearise, first, -unbounded, unbounded, samples=int(start.valid.sum()), iterations=10)
+    return settled + moves @ (found.point - begun)
+
+
+def _twisted(model: ServoModel) -> list[int]:
+    """Places of the states of a shaft that twists; none of a backlash, of which the start is soon forgotten."""
+    shaft = model.drivetrain
+    if shaft is None or shaft.chaotic:
+        return []
+    place = 2 + sum(len(effect.states) for effect in model.effects[: model.effects.index(shaft)])
+    return list(range(place, place + len(shaft.states)))

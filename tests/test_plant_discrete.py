@@ -254,7 +254,8 @@ def test_gravity_is_followed_through_turns_within_a_sample() -> None:
     steps = integration_steps(model, sample, speed=speed)
     inputs = [12.0, 12.0, 0.0, np.inf, 0.0, sample, 0.0, 0.0]
     once, fine = (
-        np.array(sample_step(model, substeps=n)([0.3, speed], inputs, model.values)).ravel() for n in (steps, 20 * steps)
+        np.array(sample_step(model, substeps=n)([0.3, speed], inputs, model.values)).ravel()
+        for n in (steps, 20 * steps)
     )
     assert steps > integration_steps(model, sample)
     assert once[0] == pytest.approx(fine[0], abs=1e-5)

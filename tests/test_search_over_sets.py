@@ -226,11 +226,15 @@ def test_a_chaotic_set_has_to_beat_those_that_have_a_fit_there(promise: float, h
         def known(self) -> dict[frozenset[str], Any]:
             return {each.names: each for each in self.fits.values()}
 
-        def fitted(self, start: Any, models: list[str], bandwidth: float) -> Any:
-            return SimpleNamespace(model=models[0], bandwidth=bandwidth)
+        @property
+        def best(self) -> Any:
+            return max(self.fits.values(), key=lambda each: each.log_marginal)
 
-        def fitted_with(self, fit: Any, proposal: Any, bandwidth: float) -> Any:
-            return SimpleNamespace(model="gap", bandwidth=bandwidth)
+        def fitted(self, start: Any, models: list[str], bandwidth: float) -> Any:
+            return SimpleNamespace(model=models[0], bandwidth=bandwidth, log_likelihood=0.0)
+
+        def fitted_with(self, fit: Any, proposal: Any, bandwidth: float, least: float) -> Any:
+            return SimpleNamespace(model="gap", bandwidth=bandwidth, log_likelihood=1.0)
 
         def weighed(self, fit: Any) -> Any:
             value = self.values[fit.model]

@@ -77,16 +77,17 @@ class Explored:
         model = fit.model.with_effect(proposal.starts[0][0])
         return self.fitted(fit, [model], fit.bandwidth).log_likelihood - fit.log_likelihood
 
-    def fitted_with(self, fit: Fit, proposal: Proposal, bandwidth: float, least: float = 0.0) -> Fit:
+    def fitted_with(self, fit: Fit, proposal: Proposal, bandwidth: float, least: float | None = None) -> Fit:
         """The model of a fit with the proposed effects, fitted from there.
 
-        Among similar shapes a local search follows only if the best so far gains at least `least` in log-likelihood.
+        Among similar shapes a local search follows only if the best so far has at least the log-likelihood `least`, by
+        default that of the fit.
         """
         models = [fit.model]
         for starts in proposal.starts:
             models = [self._with(model, start) for model in models for start in starts]
         found = self.fitted(fit, models, bandwidth)
-        least += _likelihood(fit, bandwidth)
+        least = _likelihood(fit, bandwidth) if least is None else least
         for starts in proposal.starts:
             found = self._among_look_alikes(found, starts[0].name, bandwidth, least)
         return found

@@ -103,8 +103,10 @@ def _with_starts_of(found: Explored, parents: Sequence[Explanation], proposal: P
     return replace(proposal, starts=(tuple(dict.fromkeys((*proposal.starts[0], *chain.from_iterable(every)))),))
 
 
-def rise(found: Explored, parent: Explanation, parents: Sequence[Explanation]) -> None:
+def rise(found: Explored, parent: Explanation, parents: Sequence[Explanation], bandwidth: float = np.inf) -> None:
     """Fit each effect in addition to a set, from its starts for all parents; try those with the largest gains.
+
+    They are tried with the observer of the set and with another one, as in `extend`.
 
     The linearised evidence is useless if the model is very poor: its inertia may have absorbed friction, and the
     observer and the discrepancy may have absorbed the missing torque.
@@ -114,9 +116,8 @@ def rise(found: Explored, parent: Explanation, parents: Sequence[Explanation]) -
     worth = {each.names: each.worth(gain) for each, gain in zip(asked, gains, strict=True)}
     rising = [each for each in asked if worth[each.names] > 0.0]
     rising.sort(key=lambda each: -worth[each.names])
-    try_sets(
-        found, [Trial(parent, each) for each in rising[: 2 * ASKED]]
-    )  # a wider form may rank before the missing effect
+    chosen = [Trial(parent, each) for each in rising[: 2 * ASKED]]  # a wider form may rank before the missing effect
+    try_sets(found, chosen, bandwidth)
 
 
 def try_sets(found: Explored, trials: Sequence[Trial], bandwidth: float = np.inf) -> None:
@@ -143,7 +144,7 @@ def _tried(found: Explored, trial: Trial, bandwidth: float) -> Iterator[Explanat
     observer of the base model, then with slower ones.
     """
     parent, proposal, least = trial.parent, trial.proposal, trial.least
-    fit = found.fitted_with(parent.fit, proposal, parent.fit.bandwidth, least)
+    fit = found.fitted_with(parent.fit, proposal, parent.fit.bandwidth, parent.fit.log_likelihood + least)
     if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING:
         if parent.fit.bandwidth < found.null.bandwidth and not found.held:
             begun = found.weighed(found.fitted_with(parent.fit, proposal, found.null.bandwidth))
@@ -167,7 +168,8 @@ def _try_held(found: Explored, trial: Trial) -> None:
     """
     parent = trial.parent.fit
     bandwidth = max(HELD / found.null.log.sample_time, parent.bandwidth)
-    tried = found.weighed(found.fitted_with(parent, trial.proposal, bandwidth))
+    fit = _stabilised(found, parent, trial.proposal, bandwidth)
+    tried = None if fit is None else found.weighed(fit)
     if found.held or tried is None:
         found.add([tried])
         return
@@ -176,6 +178,22 @@ def _try_held(found: Explored, trial: Trial) -> None:
         found.held, found.fits = True, {}
         alone = found.weighed(found.fitted(found.null, [found.null.model], bandwidth))
         found.add((tried, *others, alone or found.weighed(found.null)))
+
+
+def _stabilised(found: Explored, fit: Fit, proposal: Proposal, bandwidth: float) -> Fit | None:
+    """The fit of a chaotic set at a bandwidth, from the slowest observer that stabilises the prediction upwards.
+
+    The slower the observer, the wider is the maximum of the likelihood around the true values. None if the set is less
+    likely there than the best set.
+    """
+    slowest = HELD / found.null.log.sample_time
+    best = found.fitted(found.best.fit, [found.best.fit.model], slowest).log_likelihood
+    risen = found.fitted_with(fit, proposal, slowest, best)
+    if risen.log_likelihood < best:
+        return None
+    while risen.bandwidth < bandwidth:
+        risen = found.fitted(risen, [risen.model], min(STEP * risen.bandwidth, bandwidth))
+    return risen
 
 
 def _competing(found: Explored, bandwidth: float) -> list[Explanation]:

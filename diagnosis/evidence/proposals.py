@@ -98,14 +98,15 @@ class _Ranking:
         most = unbounded(products, self.signatures.plain, self.signatures.shapes)
         for place in np.argsort(-most, kind="stable"):
             shape, bound = self.signatures.shapes[place], float(most[place])
-            if bound <= 0.0 or (beside is not None and shape.kind.excludes(beside.kind)):
+            hopeless = bound <= 0.0 and not shape.kind.chaotic
+            if hopeless or (beside is not None and shape.kind.excludes(beside.kind)):
                 continue
             at_hand = best[shape.name][0] if shape.name in best else -np.inf
             if self._value(self._evidence(products, bound), shape) <= at_hand:
                 continue
             power = explained(products, self.signatures.plain, shape, bound)
             value = self._value(self._evidence(products, power), shape)
-            if power > 0.0 and value > at_hand:
+            if (power > 0.0 or shape.kind.chaotic) and value > at_hand:
                 best[shape.name] = value, shape
         return best
 
@@ -136,9 +137,12 @@ class _Ranking:
         return Proposal(value=value, worth=lambda gain: self._value(gain, *shapes), starts=tuple(starts))
 
     def _others(self, best: Signature) -> Iterator[Effect]:
-        """Other shapes of the same effect, nearly as good."""
+        """Other shapes of the same effect, nearly as good; of a chaotic effect all, as its signature says little."""
         products, shapes = self.products, self.signatures.shapes
         own = [best, *(shape for shape in shapes if shape.name == best.name and shape is not best)]
+        if best.kind.chaotic:
+            yield from (shape.start(np.ones(len(shape.positive))) for shape in own)
+            return
         evidence = [self._evidence(products, power) for power in powers(products, self.signatures.plain, own)]
         least, like = _NEAR * evidence[0], list(zip(evidence[1:], own[1:], strict=True))
         near = sorted((pair for pair in like if pair[0] > least), key=lambda pair: -pair[0])

@@ -54,13 +54,30 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
     bare = list(found.fits.values())
-    rise(found, found.fits.get((frozenset(), null.bandwidth), found.best), bare)
-    extend(found, bare)
+    suits = found.best.fit.bandwidth  # with the discrepancy, the base model may need another observer than alone
+    rise(found, found.fits.get((frozenset(), null.bandwidth), found.best), bare, suits)
+    extend(found, bare, suits)
     _improve(found)
+    _try_chaotic(found)
     _replace(found)
     _replace_without_name(found)
     _fit_leading(found)
     return found
+
+
+def _try_chaotic(found: Explored) -> None:
+    """Try chaotic effects alone and beside the best set, unless the base model explains the log.
+
+    The linearised evidence of a chaotic effect says little, and other effects that resemble it explain a part of it.
+    """
+    bare, best = found.known[frozenset()], found.best
+    if found.held or (best is bare and bare.discrepancy.posterior.material <= LIKELY):
+        return
+    for parent in dict.fromkeys((bare, best)):
+        alone = [each for each in proposals(found, parent) if each.chaotic and len(each.names) == 1]
+        try_sets(found, [Trial(parent, each) for each in alone])
+    if found.best is not best:
+        _improve(found)
 
 
 def _fit_leading(found: Explored) -> None:

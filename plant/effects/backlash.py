@@ -144,8 +144,11 @@ class Backlash(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """Torque missing during loss of contact and impact after it, for backlashes and shares on a grid."""
-        shares, samples = (0.1, 0.3, 0.6), np.geomspace(3.0, 60.0, 9)
+        """Torque missing during loss of contact and impact after it, for backlashes and shares on a grid.
+
+        The typical torque crosses the backlash in half a sample to 60: a fine encoder shows the former too.
+        """
+        shares, samples = (0.1, 0.3, 0.6), np.geomspace(0.5, 60.0, 12)
         stiff = float(f"{fastest_swing(motion.sample_time):.3g}")
         torque = motion.arriving(motion.torque)
         level = float(np.sqrt(np.mean(torque**2)))
