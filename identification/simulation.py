@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.least_squares import NormalEquations, minimise
+from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log, Run
 from identification.objective import same_unit
 from identification.predictor import HELD, Prediction, Predictor, moves_with, steps_in_a_sample
@@ -99,8 +99,8 @@ def _from(log: Log, run: Run, model: ServoModel, state: Array) -> tuple[Array, A
 def starting_state(log: Log, start: Run, model: ServoModel, there: Array | None = None) -> Array:
     """(n,) state at the first sample of a run, from a fit to a short stretch of its measured output.
 
-    Angle and velocity are fitted. The other states are those of an observer, or settled; then the twist of a shaft and
-    its rate are fitted too, as a load that is moving when the run begins has wound it up.
+    Angle and velocity are fitted. The other states are those of an observer, or settled. In the latter case the twist
+    of a shaft and its rate are fitted too if the stretch shows them: a load that is moving has wound the shaft up.
 
     Args:
         log: of the run.
@@ -110,31 +110,42 @@ def starting_state(log: Log, start: Run, model: ServoModel, there: Array | None 
     """
     predictor = Predictor(model=model, runs=(start,), free=(), substeps=steps_in_a_sample(model, log))
     guess = first_states(replace(log, runs=(start,)))[0]
-    settled = predictor.beginning(start, model.values, guess) if there is None else there
+    around = predictor.beginning(start, model.values, guess) if there is None else there
     moves = moves_with(model)[:, :2]
-    if there is None:
-        moves = np.hstack((moves, np.eye(len(model.states))[:, _twisted(model)]))
-    steps = 1e-3 * max(float(np.ptp(start.output)), 1e-9) * np.array([1.0, 1.0 / max(start.duration, 1e-9)] * 2)
+    settled = _fitted(predictor, guess, around, moves)
+    twist = np.eye(len(model.states))[:, _twisted(model)]
+    if there is not None or not twist.size:
+        return around + moves @ (settled.point - around[:2])
+    wound = _fitted(predictor, guess, around, np.hstack((moves, twist)))
+    samples = int(start.valid.sum())
+    gain = 0.5 * samples * np.log(settled.equations.cost / max(wound.equations.cost, 1e-300))
+    if not gain > 0.5 * twist.shape[1] * np.log(samples):  # Schwarz 1978
+        return around + moves @ (settled.point - around[:2])
+    return around + np.hstack((moves, twist)) @ (wound.point - np.concatenate((around[:2], np.zeros(twist.shape[1]))))
+
+
+def _fitted(predictor: Predictor, guess: Array, around: Array, moves: Array) -> Minimum:
+    """The fit of a free simulation by changes of the initial state along columns (n, k), the first two from `guess`."""
+    (start,) = predictor.runs
+    values, size = predictor.model.values, float(np.ptp(start.output))
+    steps = 1e-3 * max(size, 1e-9) * np.array([1.0, 1.0 / max(start.duration, 1e-9)])
+    begun = np.concatenate((around[:2], np.zeros(moves.shape[1] - 2)))
+
+    def predicted(at: Array, sensitivities: bool = False) -> Prediction:
+        state = around + moves @ (at - begun)
+        return predictor.predict(values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=sensitivities)[0]
 
     def linearise(point: Array) -> NormalEquations:
-        def predicted(at: Array, sensitivities: bool = False) -> Prediction:
-            state = settled + moves @ (at - begun)
-            return predictor.predict(
-                model.values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=sensitivities
-            )[0]
-
         here = predicted(point, sensitivities=True)
-        twisted = [
+        others = [
             (predicted(point + step * unit).innovations - here.innovations) / step
-            for step, unit in zip(steps[2:], np.eye(point.size)[2:], strict=False)
+            for step, unit in zip(steps, np.eye(point.size)[2:], strict=False)
         ]
-        return NormalEquations.of(here.innovations, np.column_stack((here.jacobian, *twisted)))
+        return NormalEquations.of(here.innovations, np.column_stack((here.jacobian, *others)))
 
-    begun = np.concatenate((settled[:2], np.zeros(moves.shape[1] - 2)))
-    unbounded = np.full(begun.size, np.inf)
-    first = np.concatenate((guess, begun[2:]))
-    found = minimise(linearise, first, -unbounded, unbounded, samples=int(start.valid.sum()), iterations=10)
-    return settled + moves @ (found.point - begun)
+    unbounded, first = np.full(begun.size, np.inf), np.concatenate((guess, begun[2:]))
+    samples = int(start.valid.sum())
+    return minimise(linearise, first, -unbounded, unbounded, samples=samples, iterations=10)
 
 
 def _twisted(model: ServoModel) -> list[int]:

@@ -28,7 +28,7 @@ def loop_log(seed: int, **effects: dict[str, float]) -> Log:
 
 @pytest.fixture(scope="module")
 def measured() -> Log:
-    return loop_log(3, torque_measurement_lag={"time_constant": LAG}, coulomb_friction={"torque": 0.4})
+    return loop_log(5, torque_measurement_lag={"time_constant": LAG}, coulomb_friction={"torque": 0.4})
 
 
 def test_lines_between_supporting_points_keep_the_torque() -> None:
