@@ -64,7 +64,7 @@ def _simulate_run(
     starts = starts[np.diff(starts, append=len(run)) >= _FEWEST] if len(run) >= _FEWEST else starts[:1]
     starts[:1] = 0
     parts, end = [], None
-    followed = _followed(log, run, model) if len(starts) > 1 and len(model.states) > 2 else None
+    followed = _followed(log, run, model, settle) if len(starts) > 1 and len(model.states) > 2 else None
     for first, last in zip(starts, [*starts[1:], len(run)], strict=True):
         part = run.slice(int(first), int(last))
         seen = int(np.searchsorted(part.time - part.time[0], settle * (1.0 + _ROUNDING), side="right"))
@@ -81,10 +81,11 @@ def _simulate_run(
     return np.concatenate(parts)
 
 
-def _followed(log: Log, run: Run, model: ServoModel) -> Array:
+def _followed(log: Log, run: Run, model: ServoModel, settle: float) -> Array:
     """(n, T) states of an observer that follows a run."""
     predictor = Predictor(model=model, runs=(run,), free=(), substeps=steps_in_a_sample(model, log))
-    start = first_states(replace(log, runs=(run,)))
+    seen = int(np.searchsorted(run.time - run.time[0], settle * (1.0 + _ROUNDING), side="right"))
+    start = starting_state(log, run.slice(0, max(seen, 2)), model)[None, :]
     bandwidth = HELD / log.sample_time
     return predictor.predict(model.values, start, bandwidth=bandwidth, width=0.0, sensitivities=False)[0].states
 
@@ -118,7 +119,7 @@ def starting_state(log: Log, start: Run, model: ServoModel, there: Array | None 
         return around + moves @ (settled.point - around[:2])
     wound = _fitted(predictor, guess, around, np.hstack((moves, twist)))
     samples = int(start.valid.sum())
-    gain = 0.5 * samples * np.log(settled.equations.cost / max(wound.equations.cost, 1e-300))
+    gain = 0.5 * samples * np.log(max(settled.equations.cost, 1e-300) / max(wound.equations.cost, 1e-300))
     if not gain > 0.5 * twist.shape[1] * np.log(samples):  # Schwarz 1978
         return around + moves @ (settled.point - around[:2])
     return around + np.hstack((moves, twist)) @ (wound.point - np.concatenate((around[:2], np.zeros(twist.shape[1]))))

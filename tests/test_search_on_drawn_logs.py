@@ -16,6 +16,7 @@ from drawn_machines import drawn
 from diagnosis import diagnose
 from diagnosis.evidence.fitted_sets import Explored
 from diagnosis.evidence.marginal import families_along
+from diagnosis.evidence.search_over_sets import explore
 from diagnosis.explanation.summary import headline
 from identification.fit import fit
 from plant import catalogue
@@ -88,3 +89,20 @@ def test_a_measured_current_of_drawn_machines_hides_nothing() -> None:
     found = diagnose(drawn(303).log, candidates=["torque_measurement_lag", "friction_drift", "backlash"])
     assert {cause.effect for cause in found.causes} == {"torque_measurement_lag", "friction_drift", "backlash"}
     assert found.verdict == "named"
+
+
+def test_backlash_is_found_though_its_signature_says_nothing() -> None:
+    """A fine encoder in a position loop: the torque crosses the backlash in two samples, a spring fits for a while."""
+    found = diagnose(drawn(101139).log, candidates=["backlash", "compliance", "input_delay"])
+    (cause,) = found.causes
+    assert (cause.effect, cause.probability > 0.9) == ("backlash", True)
+    width, share = (cause.parameters[name].value for name in ("gap", "motor_share"))
+    assert width * share == pytest.approx(0.0492 * 0.352, rel=0.1)  # each alone is less certain
+
+
+def test_friction_is_fitted_with_the_observer_that_suits_it() -> None:
+    """A slow observer and a discrepancy explain this log better than friction with the fast one of the base model."""
+    null = fit(drawn(101304).log)
+    found = explore(null, {name: catalogue[name] for name in ("stribeck_friction", "sensor_lag")})
+    assert found.best.names >= {"stribeck_friction"}
+    assert found.best.fit.bandwidth < null.bandwidth / 10.0
