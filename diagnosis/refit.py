@@ -19,7 +19,8 @@ from plant.effects import Effect
 from plant.effects.effect import Covered
 from plant.servo import ServoModel
 
-_MANY = 12  # largest number of starts that are fitted for a few iterations
+_MANY = 12  # largest number of starts that are fitted for an iteration
+_FEW = 4  # and for a few
 
 
 def problem_near(fit: Fit, model: ServoModel, fixed: tuple[str, ...] = ()) -> Problem:
@@ -57,13 +58,18 @@ def fitted_from(start: Fit, problem: Problem, iterations: int = 30, begun: Minim
 def most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iterations: int = 4) -> list[Problem]:
     """The problems in order of their cost after a few iterations from a fit, the best first.
 
-    Of more than 12 only those with the lowest initial cost are tried.
+    Of more than 12 only those with the lowest initial cost are tried, of more than 4 those with the lowest cost after
+    one iteration.
     """
-    if len(problems) > _MANY:
-        begun = in_threads(lambda each: each.glance(fit, bandwidth, 0), problems)
-        problems = [problems[place] for place in np.argsort(begun, kind="stable")[:_MANY]]
-    costs = in_threads(lambda each: each.glance(fit, bandwidth, iterations), problems)
-    return [problems[place] for place in np.argsort(costs, kind="stable")]
+
+    def ranked(after: int) -> list[Problem]:
+        costs = in_threads(lambda each: each.glance(fit, bandwidth, after), problems)
+        return [problems[place] for place in np.argsort(costs, kind="stable")]
+
+    for most, after in ((_MANY, 0), (_FEW, 1)):
+        if len(problems) > most:
+            problems = ranked(after)[:most]
+    return ranked(iterations)
 
 
 def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:

@@ -33,7 +33,7 @@ class FilteredMotion:
 
     Attributes:
         time, angle, velocity, acceleration, torque: (T,) [s, rad, rad/s, rad/s^2, N m]; a linear axis has m and N.
-        still: (T,) whether the load moves by less than one encoder count in a period of the low pass.
+        still: (T,) whether the load rests, as far as the encoder shows.
     """
 
     time: Array
@@ -62,7 +62,8 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
     time = np.linspace(run.time[0], run.time[-1], len(run))
     dt = float(time[1] - time[0])
     output = np.interp(time, run.time[run.valid], run.output[run.valid])
-    angle = smooth(output if model is None else _true_angle(model, output), cutoff, dt)
+    shown = output if model is None else _true_angle(model, output)
+    angle = smooth(shown, cutoff, dt)
     velocity = np.gradient(angle, dt)
     return FilteredMotion(
         time=time,
@@ -70,8 +71,18 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
         velocity=velocity,
         acceleration=np.gradient(velocity, dt),
         torque=smooth(mean_torque(run, model, velocity), cutoff, dt),
-        still=np.abs(velocity) < _count(run) * cutoff,
+        still=np.abs(velocity) < max(_count(run) * cutoff, 3.0 * _speed_noise(shown - angle, cutoff, dt)),
     )
+
+
+def _speed_noise(noise: Array, cutoff: float, dt: float) -> float:
+    """Standard deviation of the filtered velocity of a load at rest [rad/s or m/s].
+
+    From what the low pass has removed (T,), a sample of the encoder's white noise: its median, as parts of it may be
+    motion. A velocity has the noise of the angle times 2 pi f, here over all frequencies f below the cutoff.
+    """
+    angle = float(np.median(np.abs(noise))) / 0.6745  # median of a Gaussian
+    return float(2.0 * np.pi * cutoff * angle * np.sqrt(2.0 * dt * cutoff / 3.0))
 
 
 def _count(run: Run) -> float:

@@ -61,3 +61,14 @@ def test_a_load_that_friction_holds_lacks_no_torque() -> None:
     assert torque_error(counted, rubs, cutoff=15.0) < 0.1
     weaker = RIGID.with_effect(AsymmetricFriction(forward=0.5, backward=0.3))
     assert torque_error(counted, weaker, cutoff=15.0) > 0.3
+
+
+def test_noise_of_an_encoder_does_not_move_a_load_at_rest() -> None:
+    """Without counts its noise had a direction, and with the true friction the inverse model was worse than without."""
+    rubs = RIGID.with_effect(AsymmetricFriction(forward=1.5, backward=1.0))
+    log = recorded(rubs)
+    noise = 2e-5 * np.random.default_rng(0).normal(size=TIME.size)
+    noisy = replace(log, runs=(replace(log.runs[0], output=log.runs[0].output + noise),))
+    assert 0.2 < np.mean(filtered_motion(noisy.runs[0], 15.0).still) < 0.8
+    assert torque_error(noisy, rubs, cutoff=15.0) < 0.1
+    assert torque_error(noisy, RIGID, cutoff=15.0) > 0.5

@@ -196,6 +196,13 @@ def _stabilised(found: Explored, fit: Fit, proposal: Proposal, bandwidth: float)
     return risen
 
 
+def gained_stabilised(found: Explored, parent: Explanation, proposal: Proposal) -> float:
+    """Gain in log-likelihood by a chaotic set over its parent, with the slowest observer that stabilises both."""
+    slowest = HELD / found.null.log.sample_time
+    without = found.fitted(parent.fit, [parent.fit.model], slowest)
+    return found.fitted_with(parent.fit, proposal, slowest, np.inf).log_likelihood - without.log_likelihood
+
+
 def _competing(found: Explored, bandwidth: float) -> list[Explanation]:
     """The most probable sets, fitted with another observer: the first that has a fit there, and its competitors."""
     others, least = list[Explanation](), -np.inf

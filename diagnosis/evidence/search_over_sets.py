@@ -18,6 +18,7 @@ from diagnosis.evidence.larger_sets import (
     STEP,
     Trial,
     extend,
+    gained_stabilised,
     proposals,
     rise,
     try_sets,
@@ -66,16 +67,17 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
 
 
 def _try_chaotic(found: Explored) -> None:
-    """Try chaotic effects alone and beside the best set, unless the base model explains the log.
+    """Try chaotic effects alone and, if that gains something, beside the best set; unless the base model is enough.
 
     The linearised evidence of a chaotic effect says little, and other effects that resemble it explain a part of it.
     """
     bare, best = found.known[frozenset()], found.best
     if found.held or (best is bare and bare.discrepancy.posterior.material <= LIKELY):
         return
-    for parent in dict.fromkeys((bare, best)):
-        alone = [each for each in proposals(found, parent) if each.chaotic and len(each.names) == 1]
-        try_sets(found, [Trial(parent, each) for each in alone])
+    for each in [each for each in proposals(found, bare) if each.chaotic and len(each.names) == 1]:
+        try_sets(found, [Trial(bare, each)])
+        if found.best is best and best is not bare and gained_stabilised(found, bare, each) > HARDLY_EVER:
+            try_sets(found, [Trial(best, other) for other in proposals(found, best) if other.names == each.names])
     if found.best is not best:
         _improve(found)
 
