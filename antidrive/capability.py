@@ -83,11 +83,11 @@ def summary(found: CapabilityMap, units: Units = ROTARY) -> dict[str, Any]:
 
 def sentences(found: CapabilityMap, units: Units = ROTARY) -> list[str]:
     """The key numbers in sentences."""
-    told = summary(found)
-    (least, most), (slowest, fastest) = told["load_torque_at_rest"], told["acceleration_without_load"]
+    data = summary(found)
+    (least, most), (slowest, fastest) = data["load_torque_at_rest"], data["acceleration_without_load"]
     return [
         f"Without losing contact the drives hold load torques from {least:.4g} to {most:.4g} {units.torque} at rest.",
         f"Without load they reach accelerations from {slowest:.4g} to {fastest:.4g} {units.acceleration}.",
-        f"At rest without load the preload is {told['least_preload_at_rest']:.4g} {units.preload}, and the copper-loss "
-        f"index {told['heat_at_rest']:.4g} N² m².",
+        f"At rest without load the preload is {data['least_preload_at_rest']:.4g} {units.preload}, and the copper-loss "
+        f"index {data['heat_at_rest']:.4g} N² m².",
     ]

@@ -123,12 +123,12 @@ class Bars:
     Attributes:
         bars: from the top.
         full: length of a full bar.
-        mark: position of a dotted line, if any.
+        marker: position of a dotted line, if any.
     """
 
     bars: Sequence[Bar]
     full: float
-    mark: float | None = None
+    marker: float | None = None
 
     def __html__(self) -> Markup:
         """Name, bar and label in one line each; without a script."""
@@ -139,8 +139,8 @@ class Bars:
         parts = [_BAR.format(length, bar.colour)]
         if bar.error:
             parts.append(_ERROR.format(low, high - low))
-        if self.mark is not None:
-            parts.append(_MARK.format(self._share(self.mark)))
+        if self.marker is not None:
+            parts.append(_MARKER.format(self._share(self.marker)))
         return _LINE.format(bar.name, Markup("").join(parts), bar.label)
 
     def _share(self, length: float) -> float:
@@ -151,7 +151,7 @@ class Bars:
 _LINE = Markup('<div class="bar"><span>{}</span><span class="track">{}</span><b>{}</b></div>\n')
 _BAR = Markup('<i style="width:{}%;background:{}"></i>')
 _ERROR = Markup('<s style="left:{}%;width:{}%"></s>')
-_MARK = Markup('<u style="left:{}%"></u>')
+_MARKER = Markup('<u style="left:{}%"></u>')
 
 
 def _row(row: Row) -> dict[str, Any]:

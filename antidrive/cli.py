@@ -181,7 +181,7 @@ def simulate(
             "drive-loss, disturbance, differential, preload-sizing, or TOML.",
         ),
     ],
-    said: Any,
+    options: Any,
     model: Annotated[
         Path | None, typer.Option(metavar="MODEL.json", help="Model for the controller and for the simulated machine.")
     ] = None,
@@ -195,7 +195,7 @@ def simulate(
     from antidrive import commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
-    commands.simulate(scenario, said, model=model, effects=effects, out=out, seed=seed, console=console)
+    commands.simulate(scenario, options, model=model, effects=effects, out=out, seed=seed, console=console)
 
 
 @app.command(epilog=examples_of("effects"))
@@ -222,7 +222,7 @@ def effects(
 @with_options(DRIVES, LIMITS)
 def allocate(
     torques: Annotated[list[float], typer.Argument(metavar="TORQUE", help="Torques on the load [N m].")],
-    said: Any,
+    options: Any,
     model: DesignModel = None,
     effects: Effects = None,
     quiet: Quiet = False,
@@ -232,14 +232,14 @@ def allocate(
     from antidrive import commands, drive_commands
 
     console = commands.Console(quiet=quiet, json=json)
-    drive_commands.allocate(torques, said, model=model, effects=effects, console=console)
+    drive_commands.allocate(torques, options, model=model, effects=effects, console=console)
 
 
 @app.command(epilog=examples_of("capability"))
 @with_options(DRIVES, LIMITS)
 def capability(
     context: typer.Context,
-    said: Any,
+    options: Any,
     inertia: Annotated[
         float | None,
         typer.Option(
@@ -256,14 +256,14 @@ def capability(
     from antidrive import commands, drive_commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
-    drive_commands.capability(said, inertia=inertia, model=model, effects=effects, out=out, console=console)
+    drive_commands.capability(options, inertia=inertia, model=model, effects=effects, out=out, console=console)
 
 
 @app.command(epilog=examples_of("export"))
 @with_options(DRIVES, LIMITS, TUNING)
 def export(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to export.")],
-    said: Any,
+    options: Any,
     name: Annotated[
         str,
         typer.Option(
@@ -300,10 +300,10 @@ def export(
     given = {"feedforward": feedforward, "mujoco": mujoco, "urdf": urdf, "modelica": modelica, "plant": plant}
     if form := model_commands.chosen(given, fmu=fmu):
         model_commands.export_model(
-            model, form, said, name=name, single=single, effects=effects, out=out, console=console
+            model, form, options, name=name, single=single, effects=effects, out=out, console=console
         )
         return
-    drive_commands.export(model, said, name=name, single=single, fmu=fmu, effects=effects, out=out, console=console)
+    drive_commands.export(model, options, name=name, single=single, fmu=fmu, effects=effects, out=out, console=console)
 
 
 for _command in (compare, table, friction, plan):

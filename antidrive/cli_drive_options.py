@@ -113,16 +113,16 @@ TUNING = in_panel(
 
 
 def with_options(*tables: dict[str, Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Decorate a command so that its parameter `said` holds the given options of some tables, by name."""
+    """Decorate a command so that its parameter `options` holds the given options of some tables, by name."""
     words = {name: kind for table in tables for name, kind in table.items()}
 
     def typed_as(command: Callable[..., None]) -> Callable[..., None]:
         def typed(**given: Any) -> None:
             typed_in = {name: given.pop(name) for name in words}
-            said = {name: value for name, value in typed_in.items() if value is not None and value is not False}
-            command(said=said, **given)
+            chosen = {name: value for name, value in typed_in.items() if value is not None and value is not False}
+            command(options=chosen, **given)
 
-        own = [one for name, one in inspect.signature(command, eval_str=True).parameters.items() if name != "said"]
+        own = [one for name, one in inspect.signature(command, eval_str=True).parameters.items() if name != "options"]
         keyword = inspect.Parameter.KEYWORD_ONLY
         options = [
             inspect.Parameter(name, keyword, default=False if name == "one_drive" else None, annotation=kind)
@@ -134,19 +134,23 @@ def with_options(*tables: dict[str, Any]) -> Callable[[Callable[..., None]], Cal
         merged = [one.replace(kind=keyword) for one in (*first, *options, *others)]
         typed.__signature__ = inspect.Signature(merged)  # type: ignore[attr-defined]
         hints = typing.get_type_hints(command, include_extras=True)
-        typed.__annotations__ = {n: kind for n, kind in {**hints, **words}.items() if n not in ("said", "return")}
+        typed.__annotations__ = {n: kind for n, kind in {**hints, **words}.items() if n not in ("options", "return")}
         return typed
 
     return typed_as
 
 
-def controller_numbers(said: Mapping[str, Any]) -> dict[str, Any]:
+def controller_numbers(options: Mapping[str, Any]) -> dict[str, Any]:
     """The attributes of a controller among the given options; a number for all drives, or one for each.
 
     Raises:
         BadParameter: a text that is no number, and no list of numbers.
     """
-    return {name: _per_drive(name, said[name]) if name in LIMITS else said[name] for name in said if name not in DRIVES}
+    return {
+        name: _per_drive(name, options[name]) if name in LIMITS else options[name]
+        for name in options
+        if name not in DRIVES
+    }
 
 
 def _per_drive(name: str, text: str) -> float | tuple[float, ...]:

@@ -116,7 +116,7 @@ def log_options(
     dataset: str | None,
     data: Path | None,
     holdout: list[Path] | None,
-    **said: Any,
+    **given: Any,
 ) -> Any:
     """The `LogOptions` of these words; imported only here, as its dependencies are slow to import.
 
@@ -133,7 +133,7 @@ def log_options(
         dataset=dataset,
         data=data,
         holdout=holdout or (),
-        **said,
+        **given,
     )
     described = [path for path in options.files if path.suffix.lower() == ".toml"]
     if not described:

@@ -119,10 +119,10 @@ class ClosedLoopRun:
 
     def sentences(self) -> list[str]:
         """Results in sentences."""
-        s, told = flat(self._one_summary()), dict(self.numbers())
+        s, texts = flat(self._one_summary()), dict(self.numbers())
         lines = [
             *self.notes,
-            f"Tracking error {told['tracking_rms']} rms, {told['largest_error']} at most, in "
+            f"Tracking error {texts['tracking_rms']} rms, {texts['largest_error']} at most, in "
             f"{self.scenario.duration:g} s of test-bench simulation.",
         ]
         margin = s["least_preload_margin"]
@@ -132,30 +132,30 @@ class ClosedLoopRun:
         elif margin is not None:
             held = "contact was never lost" if margin > 0.0 else "contact was lost"
             while_both = "" if self.scenario.drive_loss is None else " while both drives worked"
-            least = told["least_preload_margin"]
+            least = texts["least_preload_margin"]
             lines.append(f"Minimum contact torque{while_both}: {least} at the output gear; {held}.")
         if "tracking_rms_after_loss" in s:
             growth = ""
             if "error_growth" in s:
                 growth = (
-                    f", {told['error_growth']} times the {told['tracking_rms_without_loss']} without the loss "
-                    f"(at most {told['largest_error_after_loss']} and {told['largest_error_without_loss']})"
+                    f", {texts['error_growth']} times the {texts['tracking_rms_without_loss']} without the loss "
+                    f"(at most {texts['largest_error_after_loss']} and {texts['largest_error_without_loss']})"
                 )
             lines.append(
                 f"After the loss of drive {self.scenario.drive_loss.drive if self.scenario.drive_loss else ''} the "
-                f"motion goes on with {told['tracking_rms_after_loss']} rms{growth}; backlash control is "
+                f"motion goes on with {texts['tracking_rms_after_loss']} rms{growth}; backlash control is "
                 f"{s['backlash_control']}."
             )
         if self.single is not None:
-            impact = told["impact_on_far_flank_single_drive"]
+            impact = texts["impact_on_far_flank_single_drive"]
             lines.append(
-                f"Contact is lost in {told['samples_without_contact']} samples with both drives and in "
-                f"{told['samples_without_contact_single_drive']} samples with one. One drive hits the opposite flank "
-                f"with up to {impact}; its tracking error is {told['tracking_rms_single_drive']} rms."
+                f"Contact is lost in {texts['samples_without_contact']} samples with both drives and in "
+                f"{texts['samples_without_contact_single_drive']} samples with one. One drive hits the opposite flank "
+                f"with up to {impact}; its tracking error is {texts['tracking_rms_single_drive']} rms."
             )
         if s["degraded_samples"]:
             first = next(status for status in self.result.status if status != "optimal")
-            lines.append(f"{told['degraded_samples']} of {s['samples']} samples were not optimal ({first}).")
+            lines.append(f"{texts['degraded_samples']} of {s['samples']} samples were not optimal ({first}).")
         if self.again:
             count = 1 + len(self.again)
             lines.append(

@@ -20,8 +20,8 @@ from plant.simulation import beginning
 
 def absorbed_share(effect: Effect, on: StandardExcitation) -> float:
     """Fraction of an effect's signature that is absorbed by a refit of the model without it [-]."""
-    mark = _mark(effect, on)
-    return 1.0 - _power(_beyond(on, mark)) / max(_power(mark), 1e-300)
+    signature = _signature(effect, on)
+    return 1.0 - _power(_beyond(on, signature)) / max(_power(signature), 1e-300)
 
 
 def collinear_share(kind: type[Effect], other: type[Effect]) -> float | None:
@@ -32,16 +32,16 @@ def collinear_share(kind: type[Effect], other: type[Effect]) -> float | None:
     for on in (standard_excitation(False, kind, other), standard_excitation(True, kind, other)):
         effect = kind.typical(on.motion)
         if effect is not None:
-            left = _beyond(on, _mark(effect, on))
-            torque, reading = (each[:, None] for each in on.score(left[:, 0]))
-            motion = replace(on.motion, score=torque, reading_score=reading, chance=on.chance)
-            shapes = ((trace.columns, trace.acts_on == "reading") for trace in other.traces(motion))
-            seen = (_beyond(on, on.response(columns, on_reading=reading)) for columns, reading in shapes)
+            left = _beyond(on, _signature(effect, on))
+            torque, measurement = (each[:, None] for each in on.score(left[:, 0]))
+            motion = replace(on.motion, score=torque, reading_score=measurement, chance=on.chance)
+            shapes = ((shape.columns, shape.acts_on == "reading") for shape in other.traces(motion))
+            seen = (_beyond(on, on.response(columns, on_reading=measurement)) for columns, measurement in shapes)
             return max((_explained(left, each) for each in seen), default=None)
     return None
 
 
-def _mark(effect: Effect, on: StandardExcitation) -> Array:
+def _signature(effect: Effect, on: StandardExcitation) -> Array:
     """(T, 1) response of the measurement to an effect, to first order [rad]."""
     return on.response(added_torque(effect, on)[:, None], on_reading=effect.stage is Stage.SENSOR)
 
@@ -71,10 +71,10 @@ def _beyond(on: StandardExcitation, responses: Array) -> Array:
     return np.asarray(responses - on.absorbed @ (on.absorbed.T @ responses))
 
 
-def _explained(mark: Array, responses: Array) -> float:
+def _explained(signature: Array, responses: Array) -> float:
     """Fraction of a signature (T, 1) in the span of responses (T, m) [-]."""
-    found = np.linalg.lstsq(responses, mark, rcond=1e-8)[0]
-    return 1.0 - _power(mark - responses @ found) / max(_power(mark), 1e-300)
+    found = np.linalg.lstsq(responses, signature, rcond=1e-8)[0]
+    return 1.0 - _power(signature - responses @ found) / max(_power(signature), 1e-300)
 
 
 def _power(values: Array) -> float:

@@ -75,14 +75,18 @@ def identify(
                 raise Unidentifiable(why)
             simulated = free_simulation(measured.log, found.model)
         content = fit_to_dict(found)
-        blind = (*blind_spots(found), *filter(None, (unexplained_torque(found),)))
-        content["data"]["warnings"] += blind
+        unidentifiable = (*blind_spots(found), *filter(None, (unexplained_torque(found),)))
+        content["data"]["warnings"] += unidentifiable
         provenance = Provenance.now(console.words, measured.log.sources)
         found.model_file(options.reading().gears).write(draft / "model.json")
         write_json(draft / "fit.json", content)
-        page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=blind)
+        page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=unidentifiable)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [fit_report(found), *_data_lines(found.log, blind), written(out, "model.json, fit.json, report.html")]
+    lines = [
+        fit_report(found),
+        *_data_lines(found.log, unidentifiable),
+        written(out, "model.json, fit.json, report.html"),
+    ]
     console.result("\n".join(lines), content)
 
 
@@ -117,11 +121,11 @@ def diagnose(
         held_out = measured.holdout.sources if measured.holdout is not None else ()
         provenance = Provenance.now(console.words, (*measured.log.sources, *held_out))
         found.extended.model_file(options.reading().gears).write(draft / "model.json")
-        content, files, experiment, said = found.to_dict(), "diagnosis.json, model.json", None, []
+        content, files, experiment, notes = found.to_dict(), "diagnosis.json, model.json", None, []
         if found.verdict == "ambiguous":
             with console.progress("designing an experiment that separates the competing effects") as progress:
                 experiment, sentence = _separating(found, seed, progress)
-            said.append(sentence)
+            notes.append(sentence)
             if experiment is not None and experiment.separable:
                 experiment.write(draft / _EXPERIMENT)
                 content["separating_experiment"] = experiment.to_dict(file=_EXPERIMENT)
@@ -130,8 +134,8 @@ def diagnose(
         explanation = found.explain(experiment)
         page = report.diagnosis_page(found, provenance, notes=measured.notes, explanation=explanation)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    told = [*sentences(found, explanation), *found.warnings, *said]
-    lines = [headline(found), *(f"  {line}" for line in told), written(out, f"{files}, report.html")]
+    sentences_shown = [*sentences(found, explanation), *found.warnings, *notes]
+    lines = [headline(found), *(f"  {line}" for line in sentences_shown), written(out, f"{files}, report.html")]
     console.result("\n".join(lines), content)
 
 
@@ -140,11 +144,11 @@ def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Exp
     from diagnosis.experiment import rivals_of, separating_experiment
     from diagnosis.experiment.signal_design import Limits
 
-    rivals = rivals_of(found)
-    if rivals is None:
+    competing = rivals_of(found)
+    if competing is None:
         return None, "No experiment was designed: that nothing is missing is more probable than any competing effect."
     try:
-        experiment = separating_experiment(*rivals, Limits.of(found.base.log), seed=seed, progress=progress)
+        experiment = separating_experiment(*competing, Limits.of(found.base.log), seed=seed, progress=progress)
     except BadParameter as refusal:
         return None, f"No experiment was designed: {refusal}"
     return experiment, str(experiment)
@@ -205,7 +209,7 @@ def inspect(options: LogOptions, *, out: Path, console: Console) -> None:
 
 def simulate(
     scenario: str,
-    said: Mapping[str, Any],
+    options: Mapping[str, Any],
     *,
     model: Path | None,
     effects: Path | None,
@@ -219,7 +223,7 @@ def simulate(
 
     plan, design = (
         read_scenario_file(scenario),
-        _design(said, None if model is None else read_own_model(model, effects)),
+        _design(options, None if model is None else read_own_model(model, effects)),
     )
     with whole_folder(out) as draft:
         with console.progress(f"simulating {plan.name}") as progress:
@@ -236,16 +240,16 @@ def simulate(
     console.result("\n".join(lines), result.summary())
 
 
-def _design(said: Mapping[str, Any], known: ModelFile | None) -> Design:
+def _design(typed: Mapping[str, Any], known: ModelFile | None) -> Design:
     """The design of a closed loop; without drive options and gears in the model, the drives are those of the rig."""
     from antidrive.cli_drive_options import DRIVES, controller_numbers
     from antidrive.drives import drives
     from antidrive.scenario_file import Design
 
     of_model = known is not None and (known.gears is not None or known.model.axis == "linear")
-    train = drives(said, known)[0] if of_model or any(name in said for name in DRIVES) else None
+    train = drives(typed, known)[0] if of_model or any(name in typed for name in DRIVES) else None
     friction = {} if known is None or known.friction_std is None else {"friction_std": known.friction_std}
-    options = {**friction, **controller_numbers(said)}
+    options = {**friction, **controller_numbers(typed)}
     return Design(model=None if known is None else known.model, train=train, options=options)
 
 
@@ -256,14 +260,14 @@ def effects(name: str | None, *, out: Path | None, console: Console) -> None:
 
     if name is not None and name not in catalogue:
         raise BadParameter(f"{name!r} is no effect; {suggestion(name, catalogue)}")
-    told = [gallery.table() if name is None else gallery.sheet(catalogue[name])]
+    lines = [gallery.table() if name is None else gallery.sheet(catalogue[name])]
     if out is not None:
         with whole_folder(out) as draft, console.progress("drawing every effect") as progress:
             page = gallery.gallery_page(Provenance.now(console.words), progress=progress)
             (draft / "gallery.html").write_text(page, encoding="utf-8")
-        told.append(written(out, "gallery.html"))
+        lines.append(written(out, "gallery.html"))
     shown = catalogue.values() if name is None else (catalogue[name],)
-    console.result("\n".join(told), {"effects": [gallery.facts(kind) for kind in shown]})
+    console.result("\n".join(lines), {"effects": [gallery.facts(kind) for kind in shown]})
 
 
 def demo(*, out: Path, seed: int, console: Console) -> None:
@@ -272,19 +276,19 @@ def demo(*, out: Path, seed: int, console: Console) -> None:
 
     with whole_folder(out) as draft:
         with console.progress("recording a synthetic log in the test-bench simulation") as progress:
-            told = run_demo(seed=seed, progress=progress)
-        write_log(told.log, draft / "log.csv")
-        write_log(told.validation, draft / "validation.csv")
-        told.base_model.write(draft / "base-model.json")
-        told.model.write(draft / "model.json")
-        write_json(draft / "diagnosis.json", told.diagnosis.to_dict())
-        write_json(draft / "summary.json", told.summary())
-        page = report.demo_page(told, Provenance.now(console.words, told.diagnosis.base.log.sources))
+            done = run_demo(seed=seed, progress=progress)
+        write_log(done.log, draft / "log.csv")
+        write_log(done.validation, draft / "validation.csv")
+        done.base_model.write(draft / "base-model.json")
+        done.model.write(draft / "model.json")
+        write_json(draft / "diagnosis.json", done.diagnosis.to_dict())
+        write_json(draft / "summary.json", done.summary())
+        page = report.demo_page(done, Provenance.now(console.words, done.diagnosis.base.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
     files = "log.csv, validation.csv, diagnosis.json, model.json, base-model.json, summary.json, report.html"
     again = f"Try it yourself: antidrive diagnose {out / 'log.csv'} --holdout {out / 'validation.csv'}"
-    lines = [*told.sentences(), written(out, files), again]
-    console.result("\n".join(lines), told.summary())
+    lines = [*done.sentences(), written(out, files), again]
+    console.result("\n".join(lines), done.summary())
 
 
 def _read(options: LogOptions, console: Console) -> Measured:
@@ -296,9 +300,9 @@ def _base(path: Path | None, own: Sequence[type[Effect]]) -> ServoModel | None:
     return None if path is None else read_model(path, own).model
 
 
-def _data_lines(log: Log, blind: Sequence[str]) -> list[str]:
+def _data_lines(log: Log, unidentifiable: Sequence[str]) -> list[str]:
     return [
-        *(f"  warning: {text}" for text in (*log.warnings, *blind)),
+        *(f"  warning: {text}" for text in (*log.warnings, *unidentifiable)),
         *(f"  repaired: {text}" for text in log.repairs),
         *(f"  note: {text}" for text in log.notes),
     ]

@@ -10,7 +10,7 @@ from antidrive.provenance import Provenance
 
 def change_bars(found: Comparison) -> Bars:
     """Change of each parameter in standard errors; significant changes are coloured."""
-    told = [change for change in found.changes if change.errors is not None]
+    shown = [change for change in found.changes if change.errors is not None]
     bars = [
         Bar(
             name=change.name,
@@ -18,7 +18,7 @@ def change_bars(found: Comparison) -> Bars:
             label=f"{change.errors:+.1f}".replace("-", "\N{MINUS SIGN}"),
             colour=BEFORE if change.moved else MEASURED,
         )
-        for change in told
+        for change in shown
         if change.errors is not None
     ]
     return Bars(bars=bars, full=max([bar.length for bar in bars], default=1.0))

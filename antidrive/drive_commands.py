@@ -21,15 +21,15 @@ INERTIA = 2.0  # of its load [kg m^2]
 
 
 def allocate(
-    torques: list[float], said: Mapping[str, Any], *, model: Path | None, effects: Path | None, console: Console
+    torques: list[float], options: Mapping[str, Any], *, model: Path | None, effects: Path | None, console: Console
 ) -> None:
     """Print the allocation of load torques to the drives."""
     from allocation import Allocator
 
     known = None if model is None else read_own_model(model, effects)
     unit = "N" if known is not None and known.model.axis == "linear" else "N m"
-    train, assumed = drives(said, known)
-    allocator = Allocator(train, **{**LIMITS, **controller_numbers(said)})
+    train, assumed = drives(options, known)
+    allocator = Allocator(train, **{**LIMITS, **controller_numbers(options)})
     splits = [(torque, allocator.allocate(torque)) for torque in torques]
     content = [
         {
@@ -59,7 +59,7 @@ def allocate(
 
 
 def capability(
-    said: Mapping[str, Any],
+    options: Mapping[str, Any],
     *,
     inertia: float | None,
     model: Path | None,
@@ -69,30 +69,30 @@ def capability(
 ) -> None:
     """Map the torques of two drives without loss of contact, and write capability.csv and report.html."""
     from allocation import Allocator
-    from antidrive import capability as told
+    from antidrive import capability as maps
 
     known = None if model is None else read_own_model(model, effects)
-    train, assumed = drives(said, known)
+    train, assumed = drives(options, known)
     if inertia is None:
         inertia = INERTIA if known is None else float(known.model.inertia)
         if known is None:
             assumed.append(f"Assumed: an inertia of {INERTIA:g} kg m^2; give --inertia or --model.")
     if train.drives == 1:
         raise BadParameter("The map is of the preload, and a single drive has none; leave --one-drive out.")
-    units = told.Units.of(train, "rotary" if known is None else known.model.axis)
-    allocator = Allocator(train, **{**LIMITS, **controller_numbers(said)})
+    units = maps.Units.of(train, "rotary" if known is None else known.model.axis)
+    allocator = Allocator(train, **{**LIMITS, **controller_numbers(options)})
     with whole_folder(out) as draft:
-        found = told.whole_map(allocator, inertia)
-        told.table(found).to_csv(draft / "capability.csv", index=False, float_format="%.10g")
-        page = report.capability_page(found, told.sentences(found, units), Provenance.now(console.words), units)
+        found = maps.whole_map(allocator, inertia)
+        maps.table(found).to_csv(draft / "capability.csv", index=False, float_format="%.10g")
+        page = report.capability_page(found, maps.sentences(found, units), Provenance.now(console.words), units)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [*told.sentences(found, units), *assumed, written(out, "capability.csv, report.html")]
-    console.result("\n".join(lines), told.summary(found, units))
+    lines = [*maps.sentences(found, units), *assumed, written(out, "capability.csv, report.html")]
+    console.result("\n".join(lines), maps.summary(found, units))
 
 
 def export(
     model: Path,
-    said: Mapping[str, Any],
+    options: Mapping[str, Any],
     *,
     name: str,
     single: bool,
@@ -110,15 +110,15 @@ def export(
     if fmu and single:
         raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
     read = read_identified(model, effects)
-    servo, (train, assumed), (seconds, more) = read.model, drives(said, read), sample_time(said, read)
+    servo, (train, assumed), (seconds, more) = read.model, drives(options, read), sample_time(options, read)
     friction = {} if read.friction_std is None else {"friction_std": read.friction_std}
-    numbers = {**friction, **controller_numbers(said), "sample_time": seconds}
+    numbers = {**friction, **controller_numbers(options), "sample_time": seconds}
     with whole_folder(out) as draft, console.progress("compiling the controller") as progress:
         controller = Controller(servo, train, **numbers)
-        told, content = (
+        lines, content = (
             exports.fmus(controller, servo, draft, progress, name=name)
             if fmu
             else exports.c99(controller, single, draft, name=name)
         )
     content |= {"gears": str(train), "sample_time": seconds, "assumed": [*assumed, *more]}
-    console.result("\n".join([*told, *assumed, *more, written(out, ", ".join(content["files"]))]), content)
+    console.result("\n".join([*lines, *assumed, *more, written(out, ", ".join(content["files"]))]), content)

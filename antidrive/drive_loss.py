@@ -60,10 +60,10 @@ def loop_with_drive_loss(
         if controller.motor_resolution is not None:
             shown = rig.motor_angles(state) if k < known_from else np.full(2, np.nan)
         control = controller.step(measured, wanted[k : k + ahead + 1], shown)
-        applied, said, margin = control.torques, control.status, control.margin
+        applied, stated, margin = control.torques, control.status, control.margin
         if k >= known_from:
             alone = left.allocate(float(rig.gears.follower_torque(applied)))
-            applied, said, margin = alone.torques, alone.status, alone.margin
+            applied, stated, margin = alone.torques, alone.status, alone.margin
         elif k >= broken_from:
             applied = applied * alive
         for name, value in zip(rows, (state.angle, state.velocity, measured, control.disturbance, margin), strict=True):
@@ -71,7 +71,7 @@ def loop_with_drive_loss(
         state = rig.advance(state, applied, dt, float(push))
         torques.append(applied)
         flanks.append(state.least_flank_torques)
-        status.append(said)
+        status.append(stated)
         if after_sample is not None:
             after_sample()
     columns = {name: np.array(values) for name, values in rows.items()}

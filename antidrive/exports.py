@@ -27,8 +27,8 @@ def fmu_entry(fmu: Fmu) -> tuple[str, dict[str, Any]]:
         [variable.name for variable in fmu.variables if variable.causality == kind]
         for kind in ("input", "output", "parameter")
     )
-    told = f"{fmu.name}: {', '.join(inputs)} in, {', '.join(outputs)} out."
-    return told, {"name": fmu.name, "inputs": inputs, "outputs": outputs, "parameters": parameters}
+    line = f"{fmu.name}: {', '.join(inputs)} in, {', '.join(outputs)} out."
+    return line, {"name": fmu.name, "inputs": inputs, "outputs": outputs, "parameters": parameters}
 
 
 def fmus(
@@ -41,13 +41,13 @@ def fmus(
 ) -> tuple[list[str], dict[str, Any]]:
     """Write the controller and its plant as FMUs; return descriptions for users and for scripts."""
     plant = servo_fmu(model, sample_time=controller.sample_time, gears=controller.gears, name=name)
-    told, entries, made = [], [], (controller_fmu(controller, name=name), plant)
+    lines, entries, made = [], [], (controller_fmu(controller, name=name), plant)
     done = Parts(sum(len(fmu.compilers()) for fmu in made), tell, doing="compiling the FMUs").done
     for fmu in made:
         fmu.write(folder / f"{fmu.name}.fmu", after=done)
-        said, entry = fmu_entry(fmu)
-        told.append(said)
+        line, entry = fmu_entry(fmu)
+        lines.append(line)
         entries.append(entry)
-    told.append(f"FMI 2.0 for co-simulation, sampled at {controller.sample_time:g} s.")
+    lines.append(f"FMI 2.0 for co-simulation, sampled at {controller.sample_time:g} s.")
     files = [f"{entry['name']}.fmu" for entry in entries]
-    return told, {"schema": 1, "files": files, "sample_time": controller.sample_time, "fmus": entries}
+    return lines, {"schema": 1, "files": files, "sample_time": controller.sample_time, "fmus": entries}

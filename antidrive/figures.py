@@ -99,13 +99,13 @@ def evidence_figure(grown: CumulativeEvidence) -> Figure:
 
 def cause_figure(seen: ResidualOverVariable) -> Figure:
     """Measured residual torque without and with an effect, and the extended model's prediction of it."""
-    said = torque_or_force(seen.torque_unit)
+    quantity = torque_or_force(seen.torque_unit)
     return Figure(
         x=f"{seen.variable} [{seen.unit}]",
         height=240,
         rows=[
             Row(
-                title=f"residual {said} [{seen.torque_unit}]",
+                title=f"residual {quantity} [{seen.torque_unit}]",
                 levels=(0.0,),
                 curves=[
                     Curve(
@@ -139,7 +139,7 @@ def gain_bars(gain: Gain, error: GainErrors, *, extended: bool) -> Bars:
         Bar(name=name, length=size, label=measured(size, std, gain.unit), colour=colour, error=std)
         for name, size, std, colour in rows
     ]
-    return Bars(bars=bars, full=max(size + std for _, size, std, _ in rows), mark=gain.noise_floor)
+    return Bars(bars=bars, full=max(size + std for _, size, std, _ in rows), marker=gain.noise_floor)
 
 
 def signature_figure(found: Signature, variable: str, lacking: str) -> Figure:

@@ -94,9 +94,9 @@ class FitOptions:
 
     def merged(self, other: FitOptions) -> FitOptions:
         """These options, overridden by others: parameter by parameter, or list by list."""
-        said = {*other.fixed, *other.bounds, *other.prior}  # a parameter that is fixed now has no prior
+        given = {*other.fixed, *other.bounds, *other.prior}  # a parameter that is fixed now has no prior
         return FitOptions(
-            fixed=_kept(self.fixed, said) | dict(other.fixed),
+            fixed=_kept(self.fixed, given) | dict(other.fixed),
             bounds=_kept(self.bounds, {*other.fixed, *other.bounds}) | dict(other.bounds),
             prior=_kept(self.prior, {*other.fixed, *other.prior}) | dict(other.prior),
             per_run=other.per_run or self.per_run,
@@ -178,5 +178,5 @@ def _pairs(table: Mapping[str, Any], key: str) -> dict[str, Pair]:
     return {name: (pair[0], pair[1]) for name, pair in flat.items()}
 
 
-def _kept(mine: Mapping[str, Any], said: set[str]) -> dict[str, Any]:
-    return {name: value for name, value in mine.items() if name not in said}
+def _kept(mine: Mapping[str, Any], given: set[str]) -> dict[str, Any]:
+    return {name: value for name, value in mine.items() if name not in given}

@@ -46,9 +46,9 @@ def friction(
             files.insert(2, "model.json")
         page = friction_page(found, Provenance.now(console.words, found.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
-    told = []
+    notes = []
     if model is None:
-        told = [_NO_MODEL.format(why="the friction is negative" if found.negative else _NO_INERTIA)]
-        told += [f"The model.json of an earlier run was removed from {out}."] if stale else []
+        notes = [_NO_MODEL.format(why="the friction is negative" if found.negative else _NO_INERTIA)]
+        notes += [f"The model.json of an earlier run was removed from {out}."] if stale else []
     warned = [f"  warning: {text}" for text in found.log.warnings]
-    console.result("\n".join([*found.sentences(), *told, *warned, written(out, ", ".join(files))]), content)
+    console.result("\n".join([*found.sentences(), *notes, *warned, written(out, ", ".join(files))]), content)

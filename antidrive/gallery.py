@@ -70,7 +70,7 @@ def table(effects: Mapping[str, type[Effect]] = catalogue) -> str:
     rows = [(kind.name, kind.stage.value, kind.trace) for kind in effects.values()]
     wide = [max(len(row[place]) for row in rows) for place in (0, 1)]
     left = sum(wide) + 4
-    lines = [f"{name:<{wide[0]}}  {stage:<{wide[1]}}  {trace}" for name, stage, trace in rows]
+    lines = [f"{name:<{wide[0]}}  {stage:<{wide[1]}}  {has_signature}" for name, stage, has_signature in rows]
     return "\n".join(textwrap.fill(line, 80, subsequent_indent=" " * left) for line in lines)
 
 
@@ -132,14 +132,14 @@ def _entry(kind: type[Effect], effects: Mapping[str, type[Effect]]) -> dict[str,
         ],
         "forms": "" if found is None else forms(found.effect),
         "contains": [(name, effects[name].title) for name in kind.contains if name in effects],
-        "confused": [_confused(kind, effects[name]) for name in kind.confused_with if name in effects],
+        "confused": [_confounded(kind, effects[name]) for name in kind.confused_with if name in effects],
         "size": "" if found is None else _size(found),
         "absorbed": "" if found is None else percent(absorbed_share(found.effect, found.excitation)),
         "pictures": () if found is None else _pictures(found),
     }
 
 
-def _confused(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
+def _confounded(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
     share = collinear_share(kind, other)
     return {
         "name": other.name,

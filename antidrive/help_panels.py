@@ -40,7 +40,7 @@ def _name(command: Any) -> str:
 def in_panel(title: str, options: dict[str, Any]) -> dict[str, Any]:
     """Put options into a separate group of `--help`."""
     for kind in options.values():
-        for said in get_args(kind)[1:]:
-            if isinstance(said, typer.models.OptionInfo):
-                said.rich_help_panel = title
+        for option in get_args(kind)[1:]:
+            if isinstance(option, typer.models.OptionInfo):
+                option.rich_help_panel = title
     return options

@@ -55,14 +55,14 @@ class Inspection:
 
     def sentences(self) -> list[str]:
         """The interpretation in sentences, one per line."""
-        said = [*_columns(self.tables), *self._assumed(), ""] if self.tables else []
-        said += [f"{self.log!r}, command in {self.log.command_unit}", *_table(self.log.runs)]
+        text_lines = [*_columns(self.tables), *self._assumed(), ""] if self.tables else []
+        text_lines += [f"{self.log!r}, command in {self.log.command_unit}", *_table(self.log.runs)]
         if self.holdout is not None:
-            said += ["To validate on:", *_table(self.holdout.runs)]
-        said += [f"  unusable: {text}" for text in self.log.faults]
-        said += [f"  warning: {text}" for text in (*self.log.warnings, *self.log.notes)]
-        said += [f"  repaired: {text}" for text in self.log.repairs]
-        return said
+            text_lines += ["To validate on:", *_table(self.holdout.runs)]
+        text_lines += [f"  unusable: {text}" for text in self.log.faults]
+        text_lines += [f"  warning: {text}" for text in (*self.log.warnings, *self.log.notes)]
+        text_lines += [f"  repaired: {text}" for text in self.log.repairs]
+        return text_lines
 
     def _assumed(self) -> list[str]:
         if not any(one.assumed and not one.unit for _, facts in self.tables for one in facts):
@@ -111,19 +111,19 @@ def inspected(options: LogOptions, tell: Callable[[str], None] | None = None) ->
 
 def _columns(tables: Sequence[tuple[str, tuple[ColumnFacts, ...]]]) -> list[str]:
     """The columns of each table, as lines."""
-    said: list[str] = []
+    text_lines: list[str] = []
     for name, facts in tables:
         rows = max((one.samples for one in facts), default=0)
-        said += [f"{name}: {rows} rows, {len(facts)} columns", *lines(facts)]
-    return said
+        text_lines += [f"{name}: {rows} rows, {len(facts)} columns", *lines(facts)]
+    return text_lines
 
 
 def _understood(table: Table, reading: Reading) -> tuple[str, tuple[ColumnFacts, ...]]:
     own = {column: name for column, name in reading.mapping.items() if name in table.columns}
     chosen = select_joint(table, reading.joint, mapped=list(own.values()))
     facts = inventory(chosen, recognise(chosen, reading))
-    said = {column: unit for column, unit in reading.units.items()}
-    return table.name, tuple(replace(one, unit=said.get(one.used_as, one.unit)) for one in facts)
+    units = {column: unit for column, unit in reading.units.items()}
+    return table.name, tuple(replace(one, unit=units.get(one.used_as, one.unit)) for one in facts)
 
 
 def _facts(run: Run) -> dict[str, Any]:

@@ -44,13 +44,13 @@ def stoppable() -> Iterator[None]:
         come.append(number)
         raise Stopped(number)
 
-    def ignored(told: Any) -> None:
-        if not isinstance(told.exc_value, Stopped):
-            reported(told)
+    def ignored(raised: Any) -> None:
+        if not isinstance(raised.exc_value, Stopped):
+            reported(raised)
             return
         for each in _SIGNALS:
             signal.signal(each, stop)
-        threading.Timer(_AGAIN, _thread.interrupt_main, (told.exc_value.code - 128,)).start()
+        threading.Timer(_AGAIN, _thread.interrupt_main, (raised.exc_value.code - 128,)).start()
 
     with _handled(stop):
         sys.unraisablehook = ignored

@@ -52,31 +52,33 @@ def read_log_file(path: Path) -> LogOptions:
         BadParameter: it is missing, no TOML, or has an unknown key or an unusable value.
     """
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise BadParameter(f"{path}: the file cannot be opened ({error.strerror}); check the path.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadParameter(
             f"{path.name}: this is no TOML ({error}); correct it, or run `antidrive inspect` again."
         ) from None
-    unknown = sorted(set(said) - set(_KEYS))
+    unknown = sorted(set(content) - set(_KEYS))
     if unknown:
         raise BadParameter(f"{path.name} has no {unknown[0]!r}; it may have {', '.join(_KEYS)}.")
     for key in _TABLES:
-        if not isinstance(said.get(key, {}), Mapping):
+        if not isinstance(content.get(key, {}), Mapping):
             raise BadParameter(f"{path.name}: {key} is not a table; write [{key}] above its lines.")
     folder = path.parent
-    files = _paths(path, said, "files")
+    files = _paths(path, content, "files")
     if not files:
         raise BadParameter(f'{path.name}: files is empty; name the log, as in files = ["log.csv"].')
     return LogOptions(
         files=files,
-        holdout=_paths(path, said, "holdout"),
-        mapping={column: str(name) for column, name in said.get("columns", {}).items()},
-        units={column: str(unit) for column, unit in said.get("units", {}).items()},
-        scales={column: _number(path, f"scale of {column}", value) for column, value in said.get("scale", {}).items()},
-        **_single(path, said),
-        fit=FitOptions.of(said.get("fit", {}), folder),
+        holdout=_paths(path, content, "holdout"),
+        mapping={column: str(name) for column, name in content.get("columns", {}).items()},
+        units={column: str(unit) for column, unit in content.get("units", {}).items()},
+        scales={
+            column: _number(path, f"scale of {column}", value) for column, value in content.get("scale", {}).items()
+        },
+        **_single(path, content),
+        fit=FitOptions.of(content.get("fit", {}), folder),
     )
 
 
@@ -103,17 +105,17 @@ def log_file(options: LogOptions, folder: Path, columns: Mapping[str, str], unit
     return f"{_HEAD}\n{tomli_w.dumps(content)}"
 
 
-def _paths(path: Path, said: Mapping[str, Any], key: str) -> tuple[Path, ...]:
-    given = said.get(key, [])
+def _paths(path: Path, content: Mapping[str, Any], key: str) -> tuple[Path, ...]:
+    given = content.get(key, [])
     given = [given] if isinstance(given, str) else given
     if not (isinstance(given, list) and all(isinstance(name, str) for name in given)):
         raise BadParameter(f'{path.name}: {key} must be a list of paths, as in {key} = ["log.csv"].')
     return tuple(path.parent / name for name in given)
 
 
-def _single(path: Path, said: Mapping[str, Any]) -> dict[str, Any]:
-    texts = {key: str(said[key]) for key in _TEXTS if key in said}
-    return texts | {key: _number(path, key, said[key]) for key in NUMBERS if key in said}
+def _single(path: Path, content: Mapping[str, Any]) -> dict[str, Any]:
+    texts = {key: str(content[key]) for key in _TEXTS if key in content}
+    return texts | {key: _number(path, key, content[key]) for key in NUMBERS if key in content}
 
 
 def _number(path: Path, key: str, value: object) -> float:

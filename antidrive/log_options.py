@@ -80,9 +80,9 @@ class LogOptions:
         units: Sequence[str],
         scales: Sequence[str],
         holdout: Sequence[Path],
-        **said: Any,
+        **given: Any,
     ) -> LogOptions:
-        """From the words of a command line; `said` are attributes that need no conversion.
+        """From the words of a command line; `given` are attributes that need no conversion.
 
         Raises:
             BadParameter: a word with a wrong form.
@@ -93,22 +93,22 @@ class LogOptions:
             units=pairs("--unit", units, str, "angle=deg"),
             scales=pairs("--scale", scales, float, "torque=35.15"),
             holdout=tuple(holdout),
-            **said,
+            **given,
         )
 
     def overruled(self, other: LogOptions) -> LogOptions:
         """These options, overridden by all others except their files."""
         single = ("rate", "torque_constant", "kp", "kd", "joint", "dataset", "data", "gears", "ratio")
-        said = {name: value for name in single if (value := getattr(other, name)) is not None}
-        if "gears" in said or "ratio" in said:
-            said = {"gears": None, "ratio": None, **said}
+        given = {name: value for name in single if (value := getattr(other, name)) is not None}
+        if "gears" in given or "ratio" in given:
+            given = {"gears": None, "ratio": None, **given}
         return replace(
             self,
             mapping={**self.mapping, **other.mapping},
             units={**self.units, **other.units},
             scales={**self.scales, **other.scales},
             holdout=other.holdout or self.holdout,
-            **said,
+            **given,
         )
 
     def reading(self) -> Reading:

@@ -85,9 +85,9 @@ def _draw_friction(found: FrictionTest, axes: Any) -> None:
 
 
 def _draw_changes(found: Comparison, axes: Any) -> None:
-    told = [change for change in found.changes if change.errors is not None][::-1]
-    colours = [BEFORE if change.moved else MEASURED for change in told]
-    axes[0].barh([change.name for change in told], [change.errors or 0.0 for change in told], color=colours)
+    shown = [change for change in found.changes if change.errors is not None][::-1]
+    colours = [BEFORE if change.moved else MEASURED for change in shown]
+    axes[0].barh([change.name for change in shown], [change.errors or 0.0 for change in shown], color=colours)
     _label(axes[0], x="change, in standard errors of the difference")
 
 

@@ -35,7 +35,7 @@ def chosen(given: Mapping[str, bool], *, fmu: bool) -> str:
 def export_model(
     model: Path,
     form: str,
-    said: Mapping[str, Any],
+    options: Mapping[str, Any],
     *,
     name: str,
     single: bool,
@@ -48,27 +48,27 @@ def export_model(
     Args:
         model: file of the model.
         form: "feedforward", "mujoco", "urdf", "modelica" or "plant".
-        said: options of the command line; only the sample time applies, for an FMU.
+        options: options of the command line; only the sample time applies, for an FMU.
         name: prefix of the files and of the symbols in them.
         single: whether a feedforward calculates in single precision.
         effects: file with custom effects.
         out: folder for the files.
         console: prints the results.
     """
-    _check(form, said, name, single=single)
+    _check(form, options, name, single=single)
     read = read_identified(model, effects)
     with whole_folder(out) as draft, console.progress(f"writing {form}") as progress:
-        made = _plant(read, draft, said, name, progress) if form == "plant" else _TEXTS[form](read, name, single)
-        files, told, content = made
+        made = _plant(read, draft, options, name, progress) if form == "plant" else _TEXTS[form](read, name, single)
+        files, lines, content = made
         for name, text in files.items():
             (draft / name).write_bytes(text if isinstance(text, bytes) else text.encode())
         names = sorted(path.name for path in draft.iterdir())
-    console.result("\n".join([*told, written(out, ", ".join(names))]), {"schema": 1, "files": names, **content})
+    console.result("\n".join([*lines, written(out, ", ".join(names))]), {"schema": 1, "files": names, **content})
 
 
-def _check(form: str, said: Mapping[str, Any], name: str, *, single: bool) -> None:
+def _check(form: str, options: Mapping[str, Any], name: str, *, single: bool) -> None:
     """Raise for options that do not apply to this form, and for names that are unusable in its files."""
-    useless = [word for word in said if word not in _OPTIONS.get(form, ())]
+    useless = [word for word in options if word not in _OPTIONS.get(form, ())]
     useless += ["single"] if single and form != "feedforward" else []
     if useless:
         option = f"--{useless[0].replace('_', '-')}"
@@ -99,23 +99,23 @@ def _urdf(read: ModelFile, name: str, single: bool) -> Made:
     from plant.urdf import urdf
 
     made = urdf(read.model, name=name)
-    told = ["One joint between a base and a link, with damping, friction and limit."]
-    return {f"{name}.urdf": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
+    lines = ["One joint between a base and a link, with damping, friction and limit."]
+    return {f"{name}.urdf": made.text}, [*lines, *made.left_out], {"left_out": list(made.left_out)}
 
 
-def _plant(read: ModelFile, draft: Path, said: Mapping[str, Any], name: str, progress: Any) -> Made:
+def _plant(read: ModelFile, draft: Path, options: Mapping[str, Any], name: str, progress: Any) -> Made:
     from antidrive.drives import sample_time
     from antidrive.exports import fmu_entry
     from antidrive.remaining_time import Parts
     from plant.servo_fmu import servo_fmu
 
-    seconds, assumed = sample_time(said, read)
+    seconds, assumed = sample_time(options, read)
     fmu = servo_fmu(read.model, sample_time=seconds, name=name)
     done = Parts(len(fmu.compilers()), progress, doing="compiling the FMU").done
     fmu.write(draft / f"{fmu.name}.fmu", after=done)
-    told, entry = fmu_entry(fmu)
+    lines, entry = fmu_entry(fmu)
     rhythm = f"FMI 2.0 for co-simulation, sampled at {seconds:g} s."
-    return {}, [told, rhythm, *assumed], {"fmus": [entry], "sample_time": seconds, "assumed": assumed}
+    return {}, [lines, rhythm, *assumed], {"fmus": [entry], "sample_time": seconds, "assumed": assumed}
 
 
 def _modelica(read: ModelFile, name: str, single: bool) -> Made:
@@ -123,8 +123,8 @@ def _modelica(read: ModelFile, name: str, single: bool) -> Made:
 
     title = name.capitalize()
     made = modelica_class(read.model, name=title)
-    told = ["A class that needs no library. Dry friction rises over the velocity friction_width."]
-    return {f"{title}.mo": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
+    lines = ["A class that needs no library. Dry friction rises over the velocity friction_width."]
+    return {f"{title}.mo": made.text}, [*lines, *made.left_out], {"left_out": list(made.left_out)}
 
 
 _TEXTS: dict[str, Callable[[ModelFile, str, bool], Made]] = {

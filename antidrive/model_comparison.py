@@ -108,9 +108,9 @@ class Comparison(Presented):
         moved = [change for change in self.changes if change.moved]
         lines = [f"Changed: {change}" for change in moved] or ["No parameter has changed beyond its error."]
         causes = {cause.effect: cause for cause in self.diagnosis.causes}
-        told = {name: f"{title_of(name)}, probability {_share(causes[name].probability)}" for name in causes}
-        lines += [f"New: {told[name]}" for name in self.new]
-        lines += [f"Perhaps new: {told[name]}; this log does not show whether it is" for name in self.possible]
+        effects = {name: f"{title_of(name)}, probability {_share(causes[name].probability)}" for name in causes}
+        lines += [f"New: {effects[name]}" for name in self.new]
+        lines += [f"Perhaps new: {effects[name]}; this log does not show whether it is" for name in self.possible]
         if not (self.new or self.possible):
             lines.append(
                 "No effect is new."
@@ -211,8 +211,8 @@ def _changes(before: ModelFile, found: Diagnosis) -> tuple[Change, ...]:
         for spec, value in zip(before.model.parameters, before.model.values, strict=True)
         if spec.name in now and not now[spec.name].fixed
     ]
-    told = [change for change in changes if change.errors is not None]
-    limit = float(-ndtri(0.5 * _CHANCE / max(len(told), 1)))  # Bonferroni correction
+    with_error = [change for change in changes if change.errors is not None]
+    limit = float(-ndtri(0.5 * _CHANCE / max(len(with_error), 1)))  # Bonferroni correction
     return tuple(replace(change, moved=_has_moved(change, limit)) for change in changes)
 
 

@@ -36,17 +36,17 @@ def prediction_page(log: Log, simulated: Sequence[Array], provenance: Provenance
         seen = np.where(run.valid, run.measured, np.nan)
         figure = fit_figure(run.time, seen, output, unit)
         pictures.append((figure, f"{run.label}: rms error {rms_error(run, output):.4g} {unit}."))
-    told = [
+    lines = [
         "Open-loop simulation from the command alone. The initial state of each run is estimated from its first 0.2 s."
     ]
     if len(runs) > _DRAWN:
-        told += [f"Drawn are the {_DRAWN} of {len(runs)} runs with the largest errors."]
+        lines += [f"Drawn are the {_DRAWN} of {len(runs)} runs with the largest errors."]
     return page(
         "picture",
         provenance,
         "Measured and simulated",
         kind="Prediction",
-        sentences=told,
+        sentences=lines,
         pictures=pictures,
         data={"warnings": log.warnings, "repairs": log.repairs, "notes": log.notes},
     )

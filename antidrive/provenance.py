@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from antidrive.version import VERSION
 from identification.log import Source
 
-_TOLD = ("casadi", "numpy", "scipy")
+_LIBRARIES = ("casadi", "numpy", "scipy")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class Provenance:
     def now(cls, command: Sequence[str], sources: Sequence[Source] = ()) -> Provenance:
         """Provenance of this run."""
         versions = [("Python", platform.python_version()), ("antidrive", VERSION)]
-        for name in _TOLD:
+        for name in _LIBRARIES:
             try:
                 versions.append((name, version(name)))
             except PackageNotFoundError:

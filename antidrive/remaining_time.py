@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
     from rich.text import Text
 
-_WORTH_TELLING = 2.0  # least elapsed time [s] to be shown, and to estimate a pace from
+_LEAST_ELAPSED = 2.0  # least elapsed time [s] to be shown, and to estimate a pace from
 
 
 Tell: TypeAlias = Callable[[str], None]
@@ -82,7 +82,7 @@ class Watch:
         if self.first is None or self.last is None:
             return None
         took, parts = self.last.at - self.first.at, self.last.done - self.first.done
-        if parts == 0 or took < _WORTH_TELLING:
+        if parts == 0 or took < _LEAST_ELAPSED:
             return None
         left = took * (self.last.of - self.last.done) / parts - (self.passed - self.last.at)
         return left if left > 0.0 else None
@@ -91,7 +91,7 @@ class Watch:
     def times(self) -> str:
         """The elapsed time, and the remaining time if it is known; empty during the first seconds."""
         passed, left = self.passed, self.left
-        if passed < _WORTH_TELLING:
+        if passed < _LEAST_ELAPSED:
             return ""
         return f" ({passed:.0f} s)" if left is None else f" ({passed:.0f} s, about {max(left, 1.0):.0f} s left)"
 

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from antidrive.demo import Demo
     from mpc import ClosedLoopResult
 
-_SAID = {"least_preload_margin": "minimum contact torque", "heat": "copper-loss index"}
+_NAMES = {"least_preload_margin": "minimum contact torque", "heat": "copper-loss index"}
 _RUNS_DRAWN = 3  # validation runs that are drawn; the numbers cover all
 _BARS = 6  # number of most probable sets drawn
 
@@ -132,26 +132,30 @@ def loop_page(result: ClosedLoopResult, provenance: Provenance) -> str:
     return page("closed_loop", provenance, title, trials=[{**content, "numbers": numbers}])
 
 
-def capability_page(found: CapabilityMap, told: Sequence[str], provenance: Provenance, units: Units = ROTARY) -> str:
+def capability_page(
+    found: CapabilityMap, sentences: Sequence[str], provenance: Provenance, units: Units = ROTARY
+) -> str:
     """The page of a capability map."""
     drawn = figures.capability_figure(found, units)
-    return page("capability", provenance, "What the drives can do without backlash", sentences=told, figures=[drawn])
+    return page(
+        "capability", provenance, "What the drives can do without backlash", sentences=sentences, figures=[drawn]
+    )
 
 
-def demo_page(told: Demo, provenance: Provenance) -> str:
+def demo_page(demo: Demo, provenance: Provenance) -> str:
     """The page of the demo: the diagnosis, then both closed loops."""
     return page(
         "demo",
         provenance,
-        headline(told.diagnosis),
-        story=told.sentences()[1:],
+        headline(demo.diagnosis),
+        story=demo.sentences()[1:],
         diagnosis=_diagnosis(
-            told.diagnosis,
+            demo.diagnosis,
             ("synthetic log from the test-bench simulation, with effects hidden in it",),
-            told.diagnosis.explain(),
+            demo.diagnosis.explain(),
         )
         | {"sentences": ()},
-        trials=[_trial(trial) for trial in told.trials],
+        trials=[_trial(trial) for trial in demo.trials],
     )
 
 
@@ -187,7 +191,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         "curves": curves,
         "sets": _sets(diagnosis),
         "causes": [_cause(diagnosis, c, r) for c, r in zip(diagnosis.causes, explanation.reasons, strict=False)],
-        "nameless": [] if diagnosis.causes else [_reason(reason) for reason in explanation.reasons],
+        "without_cause": [] if diagnosis.causes else [_reason(reason) for reason in explanation.reasons],
         "floor": ""
         if gain is None
         else f"{gain.floor_name} {measured(gain.noise_floor, gain_errors(diagnosis).noise_floor, gain.unit)}",
@@ -201,19 +205,19 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
 
 def _sets(diagnosis: Diagnosis) -> tuple[tuple[str, ...], Bars]:
     """The posterior over sets of effects: sentences, and a bar for each set that is not improbable."""
-    likely = [each for each in diagnosis.sets if each.probability >= LISTED][:_BARS]
-    shares = [(set_title(each, diagnosis), each.probability, percent(each.probability)) for each in likely]
+    listed = [each for each in diagnosis.sets if each.probability >= LISTED][:_BARS]
+    shares = [(set_title(each, diagnosis), each.probability, percent(each.probability)) for each in listed]
     return posterior_sentences(diagnosis), figures.probability_bars(shares)
 
 
 def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str, str]]:
     """The validation error of each model and the noise floor, with standard errors and descriptions."""
     error = gain_errors(diagnosis)
-    told = [(gain.held_out_rms_before, error.before, "rms error on validation data, base model")]
+    errors = [(gain.held_out_rms_before, error.before, "rms error on validation data, base model")]
     if extended:
-        told.append((gain.held_out_rms_after, error.after, "rms error on validation data, extended model"))
-    told.append((gain.noise_floor, error.noise_floor, gain.floor_name))
-    return [(measured(value, std, gain.unit), what) for value, std, what in told]
+        errors.append((gain.held_out_rms_after, error.after, "rms error on validation data, extended model"))
+    errors.append((gain.noise_floor, error.noise_floor, gain.floor_name))
+    return [(measured(value, std, gain.unit), what) for value, std, what in errors]
 
 
 def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]:
@@ -235,8 +239,8 @@ def _reason(reason: Reason) -> dict[str, Any]:
         )
     if reason.residual_over_variable is not None:
         quantity = torque_or_force(reason.residual_over_variable.torque_unit)
-        told = f"Residual {quantity} without and with this effect: measured means with 95 % errors."
-        drawn.append((figures.cause_figure(reason.residual_over_variable), told))
+        caption = f"Residual {quantity} without and with this effect: measured means with 95 % errors."
+        drawn.append((figures.cause_figure(reason.residual_over_variable), caption))
     return {"title": reason.title, "sentences": reason.sentences, "pictures": drawn}
 
 
@@ -255,20 +259,20 @@ def _parameter(p: FittedParameter) -> dict[str, str]:
 
 
 def _trial(trial: ClosedLoopRun) -> dict[str, Any]:
-    told = trial.sentences()
+    sentences = trial.sentences()
     return {
         "title": trial.title,
-        "note": told.pop() if trial.again else "",
-        "sentences": told,
+        "note": sentences.pop() if trial.again else "",
+        "sentences": sentences,
         "figure": trial.figure(),
-        "numbers": [(_SAID.get(name, name.replace("_", " ")), value) for name, value in trial.numbers()],
+        "numbers": [(_NAMES.get(name, name.replace("_", " ")), value) for name, value in trial.numbers()],
     }
 
 
 def _data(fit: Fit, warnings: Sequence[str], notes: Sequence[str]) -> dict[str, Sequence[str]]:
-    told = (*fit.log.repairs, *notes, *fit.log.notes)
+    not_warnings = (*fit.log.repairs, *notes, *fit.log.notes)
     return {
-        "warnings": tuple(text for text in dict.fromkeys((*warnings, *fit.log.warnings)) if text not in told),
+        "warnings": tuple(text for text in dict.fromkeys((*warnings, *fit.log.warnings)) if text not in not_warnings),
         "repairs": fit.log.repairs,
         "notes": tuple(dict.fromkeys((*notes, *fit.log.notes))),
     }

@@ -53,7 +53,7 @@ class Signature:
         """The variable that explains most of it; "time" if none explains enough, and "angle" for hysteresis."""
         if self.loops:
             return "angle"
-        shares = {name: _carried(self.lacking, values) for name, values in self.variables.items()}
+        shares = {name: _explained(self.lacking, values) for name, values in self.variables.items()}
         best = max(shares, key=lambda name: shares[name])
         return best if shares[best] >= _TELLING else "time"
 
@@ -86,7 +86,7 @@ def _simulated(effect: Effect, on: StandardExcitation) -> Signature:
     )
 
 
-def _carried(lacking: Array, values: Array) -> float:
+def _explained(lacking: Array, values: Array) -> float:
     """Fraction of the variance that is explained by the mean over each interval of a variable [-]."""
     place = np.minimum((values - values.min()) / max(float(np.ptp(values)), 1e-300) * _BINS, _BINS - 1).astype(int)
     count = np.maximum(np.bincount(place, minlength=_BINS), 1)

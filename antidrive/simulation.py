@@ -72,7 +72,7 @@ def _machine(
     if model is not None and is_built(scenario.rig):
         limits = np.max(np.asarray(scenario.controller.get("max_torque", MAX_TORQUE)))
         rig, notes = test_bench(
-            model, train or GearTrain.paper(), scenario.rig, max_torque=float(limits), told=scenario.controller
+            model, train or GearTrain.paper(), scenario.rig, max_torque=float(limits), attributes=scenario.controller
         )
         return rig, on_the_bench(model), notes
     rig = scenario.machine()

@@ -92,10 +92,10 @@ class StandardExcitation:
         """(T, m) response of the measurement to small torques or measurement errors (T, m), to first order [rad]."""
         return -self._linear.response(columns, on_reading=on_reading)
 
-    def score(self, mark: Array) -> tuple[Array, Array]:
+    def score(self, signature: Array) -> tuple[Array, Array]:
         """(T,) gradient of the fit to a signature (T,) by a torque, and by a measurement error, at each sample."""
-        torque, reading = self._linear.score(-mark[:, None])
-        return torque[:, 0], reading[:, 0]
+        torque, measurement = self._linear.score(-signature[:, None])
+        return torque[:, 0], measurement[:, 0]
 
     def chance(self) -> tuple[Array, Array]:
         """(T, M) the same scores for white noise, after a refit."""

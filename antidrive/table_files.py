@@ -42,9 +42,9 @@ def numbers_of(read: ModelFile, kind: str) -> list[Number]:
         for name, value in zip(read.model.names, read.model.values, strict=True)
         if name.split(".")[0] in NUMBERS[kind]
     ]
-    for gap in [number for number in found if number.name == "backlash_gap" and number.unit == "rad"]:
-        std = None if gap.std is None else ARCMIN * gap.std
-        found.append(Number(name="backlash_gap_arcmin", value=ARCMIN * gap.value, std=std, unit="arcmin"))
+    for backlash in [number for number in found if number.name == "backlash_gap" and number.unit == "rad"]:
+        std = None if backlash.std is None else ARCMIN * backlash.std
+        found.append(Number(name="backlash_gap_arcmin", value=ARCMIN * backlash.value, std=std, unit="arcmin"))
     if found and kind == "dead-time":
         found.append(Number(name="lead", value=time_lead(read.model), std=None, unit="s"))
     return found
@@ -67,8 +67,8 @@ def c_table(table: DriveTable, *, single: bool) -> str:
         lines.append(f"static const {real} {name}_{column}[{count}] = {{ /* {table.units[column]} */")
         lines += [*_wrapped(body), "};", ""]
     last = table.ends[1]
-    told = [f"{last}: {table.meaning}.", *summary_line(table)]
-    return _header(name, told, lines)
+    header_lines = [f"{last}: {table.meaning}.", *summary_line(table)]
+    return _header(name, header_lines, lines)
 
 
 def c_numbers(kind: str, numbers: Sequence[Number], *, single: bool) -> str:
@@ -98,9 +98,9 @@ def _order(order: float, unit: str) -> str:
     return f"{number} rad/{unit}" if unit != "rad" else f"{number} cycle{'s' * (number != '1')}/rev"
 
 
-def _header(name: str, told: Sequence[str], lines: Sequence[str]) -> str:
+def _header(name: str, notes: Sequence[str], lines: Sequence[str]) -> str:
     guard = f"{name}_H".upper()
-    begin = [f"/* {name}.h", *(f" * {line}" for line in told), " */", f"#ifndef {guard}", f"#define {guard}", ""]
+    begin = [f"/* {name}.h", *(f" * {line}" for line in notes), " */", f"#ifndef {guard}", f"#define {guard}", ""]
     return "\n".join([*begin, *lines, "#endif", ""])
 
 

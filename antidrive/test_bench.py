@@ -24,7 +24,7 @@ from plant.servo import ServoModel
 
 _ROTORS = 0.04  # fraction of the total inertia, as on the paper-like rig
 _PRESSED = {"rotary": 1.2e-4, "linear": 1e-5}  # compression of the flanks by the greatest torque [rad], [m]: likewise
-_GAP = {"rotary": 1.2e-3, "linear": 5e-5}  # backlash [rad], [m]
+_BACKLASH = {"rotary": 1.2e-3, "linear": 5e-5}  # backlash [rad], [m]
 _DAMPED = 0.107  # damping ratio of a rotor on its contact stiffness: likewise
 _OWN_STEP = 0.5  # fraction of the longest step for this contact stiffness
 _LONGEST_STEP = 20e-6  # [s]
@@ -39,7 +39,7 @@ _MECHANICS = frozenset(
 
 
 def test_bench(
-    model: ServoModel, train: DriveTrain, kept: Mapping[str, float], *, max_torque: float, told: Mapping[str, Any]
+    model: ServoModel, train: DriveTrain, kept: Mapping[str, float], *, max_torque: float, attributes: Mapping[str, Any]
 ) -> tuple[Rig, list[str]]:
     """The rig for a model, and remarks on it, in sentences.
 
@@ -48,30 +48,30 @@ def test_bench(
         train: its drives.
         kept: numbers of a scenario for contact, motors and encoders; its numbers for the mechanics are ignored.
         max_torque: of a drive [N m].
-        told: attributes of the controller that describe the machine: rotors, motor friction, encoder.
+        attributes: attributes of the controller that describe the machine: rotors, motor friction, encoder.
     """
-    said = {"gravity": model.gravity, "viscous_friction": model.viscous_friction}
+    from_model = {"gravity": model.gravity, "viscous_friction": model.viscous_friction}
     for effect in model.effects:
-        said |= _fields(effect) or {}
+        from_model |= _fields(effect) or {}
     missing = [effect.title for effect in model.effects if _fields(effect) is None]
     squares = train.motor_ratios**2
-    rotor = float(np.max(told.get("rotor_inertia", 0.0))) or _ROTORS * model.inertia / float(np.sum(squares))
+    rotor = float(np.max(attributes.get("rotor_inertia", 0.0))) or _ROTORS * model.inertia / float(np.sum(squares))
     seen = rotor * squares
     stiffness = max_torque * float(np.max(train.mesh_ratios)) / _PRESSED[model.axis]
     lightest = min(float(np.min(seen)), model.inertia - float(np.sum(seen)))
     teeth = {
         "rotor_inertia": rotor,
         "motor_viscous": 0.0,
-        "motor_coulomb": float(np.max(told.get("motor_friction", 0.0))),
-        "backlash": _GAP[model.axis],
+        "motor_coulomb": float(np.max(attributes.get("motor_friction", 0.0))),
+        "backlash": _BACKLASH[model.axis],
         "flank_stiffness": stiffness,
         "flank_damping": 2 * _DAMPED * float(np.sqrt(stiffness * abs(lightest))),
-        "encoder_counts": round(2 * np.pi / told.get("encoder_resolution", 2 * np.pi / 2**17)),
-        "encoder_noise": told.get("encoder_noise", 2e-5),
+        "encoder_counts": round(2 * np.pi / attributes.get("encoder_resolution", 2 * np.pi / 2**17)),
+        "encoder_noise": attributes.get("encoder_noise", 2e-5),
         "fine_step": min(_LONGEST_STEP, _OWN_STEP * float(np.sqrt(abs(lightest) / stiffness)) / 8),
     }
     others = {name: value for name, value in kept.items() if name not in _MECHANICS}
-    numbers: dict[str, Any] = {**teeth, **said, **others, "inertia": model.inertia - float(np.sum(seen))}
+    numbers: dict[str, Any] = {**teeth, **from_model, **others, "inertia": model.inertia - float(np.sum(seen))}
     rig = Rig(gears=train, drives=tuple(range(1, train.drives + 1)), **numbers)
     unit = "kg m^2" if model.axis == "rotary" else "kg"
     notes = [f"The test-bench simulation is built from the model: {model.inertia:.4g} {unit}, drives {train}."]

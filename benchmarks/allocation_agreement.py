@@ -19,7 +19,7 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 
-from machines import DT, asked, best_by_trying, random_allocator, two_drives  # noqa: E402
+from machines import DT, best_by_trying, random_allocator, requests, two_drives  # noqa: E402
 
 from allocation import Allocation, Allocator  # noqa: E402
 
@@ -41,7 +41,7 @@ def two_drive_row(scale: float, cases: int, seed: int) -> str:
     for _ in range(cases // OF_EACH):
         closed = two_drives(rng, scale)
         ways = (closed, replace(closed, solver="osqp"))
-        for ask in asked(rng, closed, OF_EACH):
+        for ask in requests(rng, closed, OF_EACH):
             results = []
             for way in ways:
                 begin = time.perf_counter()

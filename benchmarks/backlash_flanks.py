@@ -25,7 +25,7 @@ DURATION, HELD_OUT = 30.0, 15.0  # [s]
 Case = tuple[tuple[float, float], float, int]
 
 
-def told(case: Case) -> str:
+def row_of(case: Case) -> str:
     """Result of the diagnosis of one backlash."""
     (frequency, damping), gap, seed = case
     machine = Machine(flank_frequency=frequency, flank_damping=damping)
@@ -48,7 +48,7 @@ def told(case: Case) -> str:
 def main() -> None:
     lines = ["flanks [rad/s], [-]  gap  seed  told [mrad]     held out [mrad]    verdict    names"]
     with multiprocessing.get_context("spawn").Pool(int(sys.argv[1]) if len(sys.argv) > 1 else 2) as pool:
-        for line in pool.imap(told, product(FLANKS, GAPS, SEEDS)):
+        for line in pool.imap(row_of, product(FLANKS, GAPS, SEEDS)):
             print(line, flush=True)
             lines.append(line)
     lines.append(

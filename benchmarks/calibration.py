@@ -35,7 +35,7 @@ sys.path.insert(0, str(HERE.parent / "tests"))
 
 from calibration_table import table  # noqa: E402
 from effect_sizes import reaching  # noqa: E402
-from hidden_effects import CASES, Hidden, evidence, oracle, rival_model  # noqa: E402
+from hidden_effects import CASES, Hidden, alternative_model, evidence, oracle  # noqa: E402
 from machine import (  # noqa: E402
     Follower,
     Machine,
@@ -148,7 +148,7 @@ def lambda_of(case: Hidden, size: float, seed: int) -> float:
     """
     commands, machine = excitation(2 * seed, duration=DURATION), case.machine(size)
     logs = [record(machine, commands, seed=seed, noise=noise).log() for noise in (NOISE, -NOISE)]
-    more = len(case.truth(size).names) - len(rival_model(case, size).names)
+    more = len(case.truth(size).names) - len(alternative_model(case, size).names)
     return float(np.mean([evidence(case, size, log) for log in logs])) - more
 
 
@@ -169,7 +169,7 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
     held = record(case.machine(size), excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
     begin = time.perf_counter()
     found = diagnose(log, case.base, held)
-    told = answer(found, time.perf_counter() - begin)
+    reported = answer(found, time.perf_counter() - begin)
     best = oracle(case, size, log)
     errors = held_out_errors([found.base, found.extended, best], held, window_of(best))
     return {
@@ -177,7 +177,7 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
         "wanted": wanted,
         "lambda": reached,
         "size": size,
-        **told,
+        **reported,
         **evidence_of_sets(found, case.effect),
         "oracle": best.log_likelihood - found.base.log_likelihood,
         "errors": errors,
@@ -195,8 +195,8 @@ def several(number: int, seed: int) -> dict[str, Any]:
     held = record(machine, excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
     begin = time.perf_counter()
     found = diagnose(log, None, held)
-    told = answer(found, time.perf_counter() - begin)
-    return {"truth": list(names), "shown": shown(names, log), **told}
+    reported = answer(found, time.perf_counter() - begin)
+    return {"truth": list(names), "shown": shown(names, log), **reported}
 
 
 def shown(names: tuple[str, ...], log: Log) -> dict[str, float]:
@@ -205,8 +205,8 @@ def shown(names: tuple[str, ...], log: Log) -> dict[str, float]:
     for name in names:
         case = BY_NAME[name]
         truth = truth.with_effect(catalogue[name](**case.at(case.sizes[1 if name == "backlash" else 2])))
-    told = fit(log, truth, fixed=[name for name in truth.names if name != "inertia"])
-    best = Problem.of(log, truth).descend(told)
+    oracle = fit(log, truth, fixed=[name for name in truth.names if name != "inertia"])
+    best = Problem.of(log, truth).descend(oracle)
     without = {name: Problem.of(log, best.model.without_effect(name)).descend(best) for name in names}
     return {name: 2.0 * (best.log_likelihood - less.log_likelihood) for name, less in without.items()}
 
@@ -316,8 +316,8 @@ def held_out_errors(fits: list[Fit], log: Log, window: float | None) -> list[flo
 
 def one(key: Key) -> dict[str, Any]:
     part, number, seed = key
-    told = {"hidden": hidden, "several": several, "deleted": deleted, "clean": clean}[part](number, seed)
-    return {"key": list(key), **told}
+    reported = {"hidden": hidden, "several": several, "deleted": deleted, "clean": clean}[part](number, seed)
+    return {"key": list(key), **reported}
 
 
 def main() -> None:

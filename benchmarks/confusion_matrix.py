@@ -9,15 +9,15 @@ from typing import Any
 _NOTHING, _UNKNOWN = "nothing_missing", "unknown"
 
 
-def leading(told: dict[str, Any]) -> str:
+def leading(given: dict[str, Any]) -> str:
     """The most probable effect, also if the verdict is ambiguous; without an effect the verdict."""
-    causes = told["causes"]
-    return str(max(causes, key=lambda cause: cause["probability"])["effect"] if causes else told["verdict"])
+    causes = given["causes"]
+    return str(max(causes, key=lambda cause: cause["probability"])["effect"] if causes else given["verdict"])
 
 
-def matrix(told: Sequence[dict[str, Any]], effects: Sequence[str]) -> str:
+def matrix(given: Sequence[dict[str, Any]], effects: Sequence[str]) -> str:
     """Counts of the truth against the most probable effect; the diagonal is correct, a dot is zero."""
-    counts = Counter((t["truth"][0], leading(t)) for t in told)
+    counts = Counter((t["truth"][0], leading(t)) for t in given)
     answers = [*effects, _UNKNOWN, _NOTHING, *sorted({answer for _, answer in counts} - {*effects, _UNKNOWN, _NOTHING})]
     heads = [*(str(place) for place in range(1, len(effects) + 1)), "unk", "-", *answers[len(effects) + 2 :]]
     lines = [

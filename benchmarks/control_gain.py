@@ -55,14 +55,14 @@ def _errors(loops: list[Tracking]) -> str:
 
 
 def main() -> None:
-    asked = sys.argv[1:]
+    requested = sys.argv[1:]
     lines = [HEADER]
     print(HEADER)
     for case in CASES:
-        if not asked or case.effect in asked:
+        if not requested or case.effect in requested:
             lines.append(row(case))
             print(lines[-1], flush=True)
-    if not asked:
+    if not requested:
         folder = HERE / "results"
         folder.mkdir(exist_ok=True)
         (folder / "control_gain.txt").write_text("\n".join(lines) + "\n")

@@ -39,8 +39,8 @@ def main() -> None:
     left = [] if a.table else [seed for seed in seeds if a.seeds or seed not in stored]
     work = partial(outcome_of, method=a.method, folder=a.logs)
     a.out.mkdir(parents=True, exist_ok=True)
-    for seed, told in results(left, work, a.processes, a.limit):
-        outcome = told if "truth" in told else without_answer(seed, told, a.logs)
+    for seed, reported in results(left, work, a.processes, a.limit):
+        outcome = reported if "truth" in reported else without_answer(seed, reported, a.logs)
         stored[seed] = outcome
         with store.open("a", encoding="utf-8") as file:
             file.write(json.dumps(outcome) + "\n")
@@ -76,11 +76,11 @@ def kept(store: Path) -> dict[int, Outcome]:
     return {outcome["seed"]: outcome for outcome in map(json.loads, lines)}
 
 
-def without_answer(seed: int, told: Outcome, logs: Path | None) -> Outcome:
+def without_answer(seed: int, given: Outcome, logs: Path | None) -> Outcome:
     """The outcome of a log whose process was terminated: its truth is drawn again."""
     made = drawn(seed, logs)
     facts = json.loads(json.dumps(made.facts()))
-    return {**facts, "samples": int(made.channels["time"].size), **told}
+    return {**facts, "samples": int(made.channels["time"].size), **given}
 
 
 def line(outcome: Outcome) -> str:
@@ -88,12 +88,12 @@ def line(outcome: Outcome) -> str:
     found = score(outcome)
     truth = ", ".join(f"{h['name']}{'*' if h['name'] == outcome['left_out'] else ''}" for h in outcome["truth"]) or "-"
     names = [f"{n['effect']} {n['probability']:.2f}" for n in outcome.get("names", ())]
-    said = outcome.get("failed") or f"{outcome['verdict']}: {', '.join(names) or '-'}"
+    text = outcome.get("failed") or f"{outcome['verdict']}: {', '.join(names) or '-'}"
     bad = f"  WRONG {', '.join(found.wrong)}" if found.wrong else ""
     part = f"  part {', '.join(found.part)}" if found.part else ""
     setting = f"{outcome['kind']}, {outcome['loop']}, rest {100 * outcome['rest_share']:g} %"
     return (
-        f"{outcome['seed']:>6} {found.category:6} [{setting}] {truth} => {said}{bad}{part} ({outcome['seconds']:.1f} s)"
+        f"{outcome['seed']:>6} {found.category:6} [{setting}] {truth} => {text}{bad}{part} ({outcome['seconds']:.1f} s)"
     )
 
 

@@ -33,7 +33,7 @@ def outcome_of(seed: int, method: str, folder: Path | None) -> Outcome:
     except Exception as error:
         return facts | {"failed": f"{type(error).__name__}: {error}", "seconds": time.perf_counter() - begin}
     facts |= {"seconds": time.perf_counter() - begin, "processor": time.process_time() - worked}
-    return facts | told(found, made)
+    return facts | reported_of(found, made)
 
 
 def diagnoser(method: str) -> Callable[..., Any]:
@@ -43,9 +43,9 @@ def diagnoser(method: str) -> Callable[..., Any]:
     return function
 
 
-def told(found: Any, made: Drawn) -> Outcome:
+def reported_of(found: Any, made: Drawn) -> Outcome:
     """Verdict, reported effects with probabilities and sizes, and the variables of the unexplained part."""
-    said = found.to_dict()
+    found_dict = found.to_dict()
     names = [
         {
             "effect": cause["effect"],
@@ -56,11 +56,11 @@ def told(found: Any, made: Drawn) -> Outcome:
             **torque_of(found, cause["effect"]),
         }
         for grade, key in (("cause", "causes"), ("minor", "minor"))
-        for cause in said.get(key, ())
+        for cause in found_dict.get(key, ())
     ]
-    unknown = said.get("unknown", said.get("unexplained", {}))
+    unknown = found_dict.get("unknown", found_dict.get("unexplained", {}))
     return {
-        "verdict": said["verdict"],
+        "verdict": found_dict["verdict"],
         "names": names,
         "depends_on": list(unknown.get("depends_on", ())),
         "unknown": unknown.get("probability"),

@@ -61,20 +61,20 @@ class Score:
     Attributes:
         wrong, part: false sure effects, larger than the rest and not.
         lost: expected effects that are not sure.
-        silent: whether nothing is reported on an expected effect that was left out; None if none was.
+        unreported: whether nothing is reported on an expected effect that was left out; None if none was.
         variable: whether its right variable is reported; None if none was left out or it has none.
         events: reported probabilities, each with whether it is true.
-        unsaid: number of expected effects that are not mentioned.
+        unmentioned: number of expected effects that are not mentioned.
     """
 
     category: str
     wrong: tuple[str, ...] = ()
     part: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
-    silent: bool | None = None
+    unreported: bool | None = None
     variable: bool | None = None
     events: tuple[tuple[float, bool], ...] = ()
-    unsaid: int = 0
+    unmentioned: int = 0
 
     @property
     def exact(self) -> bool:
@@ -86,12 +86,12 @@ def score(outcome: Outcome) -> Score:
     left = outcome["left_out"]
     absent = [h for h in outcome["truth"] if h["name"] == left and _expected(h, outcome)]
     if "failed" in outcome:
-        return Score(category="crash", silent=False if absent else None)
-    sure = [told for told in outcome["names"] if told["probability"] > SURE]
-    false = [told for told in sure if not _true(told, outcome)]
-    part = [told["effect"] for told in false if _within_rest(told, outcome)]
-    wrong = [told["effect"] for told in false if told["effect"] not in part]
-    named = {told["effect"] for told in sure}
+        return Score(category="crash", unreported=False if absent else None)
+    sure = [reported for reported in outcome["names"] if reported["probability"] > SURE]
+    false = [reported for reported in sure if not _true(reported, outcome)]
+    part = [reported["effect"] for reported in false if _within_rest(reported, outcome)]
+    wrong = [reported["effect"] for reported in false if reported["effect"] not in part]
+    named = {reported["effect"] for reported in sure}
     lost = [h["name"] for h in outcome["truth"] if h["name"] != left and _expected(h, outcome) and not _found(h, named)]
     open_minded = outcome["verdict"] in ("ambiguous", "unknown")
     if wrong:
@@ -106,10 +106,10 @@ def score(outcome: Outcome) -> Score:
         wrong=tuple(wrong),
         part=tuple(part),
         lost=tuple(lost),
-        silent=bool(wrong) or not open_minded if absent else None,
+        unreported=bool(wrong) or not open_minded if absent else None,
         variable=bool(variables & set(outcome["depends_on"])) if absent and variables else None,
         events=_events(outcome),
-        unsaid=sum(not _mentioned(h, outcome) for h in outcome["truth"] if h["name"] in lost),
+        unmentioned=sum(not _mentioned(h, outcome) for h in outcome["truth"] if h["name"] in lost),
     )
 
 
@@ -119,24 +119,24 @@ def _expected(hidden: dict[str, Any], outcome: Outcome) -> bool:
 
 
 def _found(hidden: dict[str, Any], named: set[str]) -> bool:
-    return hidden["name"] in named or any(set(told) <= named for told in hidden["alike"])
+    return hidden["name"] in named or any(set(reported) <= named for reported in hidden["alike"])
 
 
-def _true(told: dict[str, Any], outcome: Outcome) -> bool:
+def _true(given: dict[str, Any], outcome: Outcome) -> bool:
     """Whether it is hidden in the log or equivalent to a hidden effect; a measured current is always filtered."""
-    if told["effect"] == "torque_measurement_lag":
+    if given["effect"] == "torque_measurement_lag":
         return bool(outcome["loop"] == "closed, current")
-    if any(told["effect"] in (h["name"], *PARTS.get(h["name"], ())) for h in outcome["truth"]):
+    if any(given["effect"] in (h["name"], *PARTS.get(h["name"], ())) for h in outcome["truth"]):
         return True
-    if not any(told["effect"] in names for h in outcome["truth"] for names in h["alike"]):
+    if not any(given["effect"] in names for h in outcome["truth"] for names in h["alike"]):
         return False
     holds = any(h["name"] in ("coulomb_friction", "torque_offset") for h in outcome["truth"])
-    wider = told.get("wider")
+    wider = given.get("wider")
     return not holds or wider is None or wider <= max(outcome["rest"], SMALL * outcome["level"])
 
 
-def _within_rest(told: dict[str, Any], outcome: Outcome) -> bool:
-    return told["effect"] not in NO_TORQUE and told["rms"] is not None and told["rms"] <= outcome["rest"]
+def _within_rest(given: dict[str, Any], outcome: Outcome) -> bool:
+    return given["effect"] not in NO_TORQUE and given["rms"] is not None and given["rms"] <= outcome["rest"]
 
 
 def _mentioned(hidden: dict[str, Any], outcome: Outcome) -> bool:
@@ -151,20 +151,20 @@ def _mentioned(hidden: dict[str, Any], outcome: Outcome) -> bool:
 
 def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
     """Every reported probability, with whether it is true; those of equivalent effects are added."""
-    told: dict[str, float] = {}
+    reported: dict[str, float] = {}
     for name in outcome["names"]:
         for effect, probability in ((name["effect"], name["probability"]), *name["alternatives"]):
             if effect != "none":
-                told[effect] = max(told.get(effect, 0.0), float(probability))
+                reported[effect] = max(reported.get(effect, 0.0), float(probability))
     events, used = [], set()
     for h in outcome["truth"]:
         alike = {h["name"], *(one for names in h["alike"] for one in names)}
-        mine = {name: p for name, p in told.items() if name in alike}
+        mine = {name: p for name, p in reported.items() if name in alike}
         used |= set(mine)
         if mine:
             events.append((min(1.0, sum(mine.values())), True))
     parts = {part for h in outcome["truth"] for part in PARTS.get(h["name"], ())}
     if outcome["loop"] == "closed, current":
         parts.add("torque_measurement_lag")
-    events += [(p, name in parts) for name, p in told.items() if name not in used]
+    events += [(p, name in parts) for name, p in reported.items() if name not in used]
     return tuple(events)

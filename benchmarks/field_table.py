@@ -73,7 +73,7 @@ def _demands(pairs: list[Pair]) -> str:
         ("sets of two exact", "", _share([s.exact for s in two])),
         ("clean logs named", "<= 1 %", _share([bool(s.wrong or s.part) for _, s in clean])),
         ("  with 3 % of rest", "<= 1 %", _share([bool(s.wrong or s.part) for o, s in clean if o["rest_share"] > 0.02])),
-        ("left out: silently wrong", "<= 2 %", _share([s.silent for _, s in pairs if s.silent is not None])),
+        ("left out: silently wrong", "<= 2 %", _share([s.unreported for _, s in pairs if s.unreported is not None])),
         ("left out: the right variable", ">= 90 %", _share([s.variable for _, s in pairs if s.variable is not None])),
     ]
     return "\n".join(f"{title:40}{wanted:>9}   {found}" for title, wanted, found in rows)
@@ -92,21 +92,21 @@ def _reliability(pairs: list[Pair]) -> str:
     events = [event for _, found in pairs for event in found.events]
     if not events:
         return ""
-    said, true = np.array([p for p, _ in events]), np.array([hit for _, hit in events], dtype=float)
+    stated, true = np.array([p for p, _ in events]), np.array([hit for _, hit in events], dtype=float)
     edges = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0 + 1e-12])
-    place = np.clip(np.digitize(said, edges) - 1, 0, edges.size - 2)
+    place = np.clip(np.digitize(stated, edges) - 1, 0, edges.size - 2)
     lines, error = [f"{'said':14}{'names':>7}{'mean':>8}{'true':>8}"], 0.0
     for k in range(edges.size - 1):
         chosen = place == k
         if chosen.any():
-            mean, share = float(said[chosen].mean()), float(true[chosen].mean())
+            mean, share = float(stated[chosen].mean()), float(true[chosen].mean())
             error += float(chosen.mean()) * abs(mean - share)
             lines.append(
                 f"{edges[k]:5.2f} to {min(edges[k + 1], 1.0):4.2f}{int(chosen.sum()):>7}{mean:>8.3f}{share:>8.3f}"
             )
-    told = np.clip(said, _UNSEEN, 1.0 - _UNSEEN)
-    score_sum = float(np.sum(np.where(true > 0.0, np.log(told), np.log1p(-told))))
-    score_sum += np.log(_UNSEEN) * sum(found.unsaid for _, found in pairs)
+    clipped = np.clip(stated, _UNSEEN, 1.0 - _UNSEEN)
+    score_sum = float(np.sum(np.where(true > 0.0, np.log(clipped), np.log1p(-clipped))))
+    score_sum += np.log(_UNSEEN) * sum(found.unmentioned for _, found in pairs)
     logs = sum(found.category != "crash" for _, found in pairs)
     lines.append(
         f"expected calibration error (<= 0.02): {error:.4f};  log score per log: {score_sum / max(logs, 1):.4f}"

@@ -63,23 +63,23 @@ def results(seeds: Sequence[int], work: Work, processes: int, limit: float) -> I
             busy = [worker for worker in workers if worker.seed is not None]
             ready = wait([worker.pipe for worker in busy], timeout=1.0)
             for place, worker in enumerate(workers):
-                told = _told(worker, worker.pipe in ready)
-                if worker.seed is None or told is None:
+                received = _received(worker, worker.pipe in ready)
+                if worker.seed is None or received is None:
                     continue
                 seed = worker.seed
-                if "ended" in told:
+                if "ended" in received:
                     worker.end()
                     workers[place] = worker = Worker(work, limit)
                 worker.seed = None
                 if left:
                     worker.begin(left.pop())
-                yield seed, {key: value for key, value in told.items() if key != "ended"}
+                yield seed, {key: value for key, value in received.items() if key != "ended"}
     finally:
         for worker in workers:
             worker.end()
 
 
-def _told(worker: Worker, ready: bool) -> dict[str, Any] | None:
+def _received(worker: Worker, ready: bool) -> dict[str, Any] | None:
     """The result of a worker, if there is one."""
     if ready:
         try:

@@ -106,10 +106,10 @@ def knowledge(table: Table, chosen: list[Axis]) -> dict[tuple[Axis, str, float],
                 loops[axis, task, factor] = first
         table.say(line)
     for task in TASKS:
-        told = "   ".join(
+        text = "   ".join(
             f"x{factor:g} {mean(ratios[task, factor]):.2f} ({max(ratios[task, factor]):.2f})" for factor in FACTORS
         )
-        table.say(f"  {task:6} geometric mean (worst): {told}")
+        table.say(f"  {task:6} geometric mean (worst): {text}")
     table.say(f"  loops in which contact was lost: {lost} of {len(chosen) * len(TASKS) * len(FACTORS)}")
     for task, cells in harm.items():
         table.say(f"  {task}: above 1.05 in {len(cells)}:")
@@ -121,8 +121,8 @@ def knowledge(table: Table, chosen: list[Axis]) -> dict[tuple[Axis, str, float],
 
 def others(table: Table, chosen: list[Axis], factor: float, loops: dict[tuple[Axis, str, float], Score]) -> None:
     """Our error over that of each peer, with the same friction in the model."""
-    told = f"{len(chosen)} axes, {factor:g} of the friction in the model"
-    table.say(f"Against others: {told}; error of the best tuning [mrad] and ours over it")
+    heading = f"{len(chosen)} axes, {factor:g} of the friction in the model"
+    table.say(f"Against others: {heading}; error of the best tuning [mrad] and ours over it")
     ratios: dict[tuple[str, str], list[float]] = {}
     chatter: dict[str, list[float]] = {}
     for axis in chosen:

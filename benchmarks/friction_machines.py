@@ -94,12 +94,12 @@ class Axis:
     def model(self, factor: float | None) -> ServoModel:
         """The controller's model: friction times a factor, or none; the delay is always known."""
         top, share = (factor or 0.0) * self._top, (factor or 0.0) * self.share
-        told: dict[str, tuple[Effect, ...]] = {
+        known_effects: dict[str, tuple[Effect, ...]] = {
             "stribeck": (StribeckFriction(coulomb=0.55 * top, excess=0.45 * top, velocity=0.05),),
             "asymmetric": (AsymmetricFriction(forward=top, backward=0.5 * top),),
             "load": (LoadDependentFriction(coefficient=share), CoulombFriction(torque=2 * share * FLOOR)),
         }
-        effects = () if factor is None else told.get(self.kind, (CoulombFriction(torque=top),))
+        effects = () if factor is None else known_effects.get(self.kind, (CoulombFriction(torque=top),))
         if self.kind == "delay":
             effects = (*effects, InputDelay(time=DELAY))
         return ServoModel(inertia=self.rig().total_inertia, gravity=0.1, viscous_friction=0.02, effects=effects)
@@ -197,8 +197,8 @@ def score(axis: Axis, controller: Any, task: Task, seed: int) -> Score:
     """Close the loop with any object that has the `step` of a `Controller`."""
     time = np.arange(round(task.duration / axis.sample_time)) * axis.sample_time
     moving = (axis.share + 0.1) * GREATEST
-    told = controller if task.announced else Surprised(controller)
-    loop = closed_loop(told, axis.rig(), task.reference, task.duration, seed, disturbance=moving * task.push(time))
+    tracked = controller if task.announced else Surprised(controller)
+    loop = closed_loop(tracked, axis.rig(), task.reference, task.duration, seed, disturbance=moving * task.push(time))
     counts = task.counts(loop.time)
     torque = GEARS.follower_torque(loop.torques)
     return Score(

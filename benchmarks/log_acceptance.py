@@ -28,16 +28,16 @@ COLUMNS = ("right", "brakes", "reversed", "one of two", "in degrees", "speed")
 def main() -> None:
     """Draw the logs, read them, count, and write the table."""
     drawn = draw(COUNT, SEED)
-    asked: dict[str, Counter[str]] = {name: Counter() for name in COLUMNS}
-    told: dict[str, Counter[str]] = {name: Counter() for name in COLUMNS}
+    requested: dict[str, Counter[str]] = {name: Counter() for name in COLUMNS}
+    reported: dict[str, Counter[str]] = {name: Counter() for name in COLUMNS}
     for place in range(COUNT):
         kind, gears = str(drawn.kind[place]), Ratio(float(drawn.ratio[place]))
 
         def count(name: str, log: Log | None, wanted: str, warned: bool = False, kind: str = kind) -> None:
             if log is not None:
-                asked[name][kind] += 1
+                requested[name][kind] += 1
                 texts = log.warnings if warned else log.faults
-                told[name][kind] += any(wanted in text and "never turns" not in text for text in texts)
+                reported[name][kind] += any(wanted in text and "never turns" not in text for text in texts)
 
         right = _read(drawn.columns(place), gears)
         count("right", right, "")
@@ -52,9 +52,9 @@ def main() -> None:
         count("speed", _read({"time": columns["time"], "torque": speed, "angle": columns["angle"]}, gears), "a speed")
     lines = [f"{COUNT} drawn logs, seed {SEED}: told of asked", "kind       " + "".join(f"{n:>13}" for n in COLUMNS)]
     for kind in KINDS:
-        cells = [f"{told[name][kind]} of {asked[name][kind]}" for name in COLUMNS]
+        cells = [f"{reported[name][kind]} of {requested[name][kind]}" for name in COLUMNS]
         lines.append(f"{kind:11}" + "".join(f"{cell:>13}" for cell in cells))
-    cells = [f"{told[name].total()} of {asked[name].total()}" for name in COLUMNS]
+    cells = [f"{reported[name].total()} of {requested[name].total()}" for name in COLUMNS]
     lines.append(f"{'all':11}" + "".join(f"{cell:>13}" for cell in cells))
     lines += [
         "",

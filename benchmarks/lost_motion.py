@@ -20,20 +20,20 @@ from plant.gears import GearTrain
 from plant.rig import Rig
 
 ARCMIN = np.pi / 180 / 60
-CREEP = 1e-4  # [rad/s]
+SLOW = 1e-4  # [rad/s]
 # backlash [arcmin], bits at the load, bits at the motors, noise [rad], creep [rad/s], visits of 2 s
 ROWS = (
-    (0.1, 17, 17, 1e-6, CREEP, 20),
-    (0.1, 17, 17, 5e-6, CREEP, 20),
-    (0.1, 17, 17, 5e-6, CREEP, 4),
+    (0.1, 17, 17, 1e-6, SLOW, 20),
+    (0.1, 17, 17, 5e-6, SLOW, 20),
+    (0.1, 17, 17, 5e-6, SLOW, 4),
     (0.1, 17, 17, 5e-6, 0.0, 20),
     (0.1, 17, 17, 1e-6, 0.0, 20),
     (0.1, 17, 17, 2e-5, 0.0, 20),
-    (0.1, 17, 12, 5e-6, CREEP, 20),
-    (0.1, 20, 20, 5e-6, CREEP, 20),
-    (0.1, 23, 23, 5e-6, CREEP, 20),
-    (1.0, 17, 17, 5e-6, CREEP, 4),
-    (20.0, 17, 17, 5e-6, CREEP, 4),
+    (0.1, 17, 12, 5e-6, SLOW, 20),
+    (0.1, 20, 20, 5e-6, SLOW, 20),
+    (0.1, 23, 23, 5e-6, SLOW, 20),
+    (1.0, 17, 17, 5e-6, SLOW, 4),
+    (20.0, 17, 17, 5e-6, SLOW, 4),
 )
 
 
@@ -53,21 +53,21 @@ def fleet(count: int, gap: float, bits: int, motor_bits: int, noise: float) -> F
     return Fleet(machines)
 
 
-def asked(log: Log, gears: GearTrain) -> LostMotion | None:
+def measured(log: Log, gears: GearTrain) -> LostMotion | None:
     try:
         return lost_motion(log, gears)
     except Unidentifiable:
         return None
 
 
-def told(answers: list[LostMotion | None], gap: float) -> str:
+def row_of(answers: list[LostMotion | None], gap: float) -> str:
     found = [each for each in answers if each is not None]
     lines = np.array([(each.drives[0].gap.value, each.drives[0].gap.std) for each in found])
     error, std = lines[:, 0] / gap - 1.0, lines[:, 1] / gap
     within, covered = np.mean(np.abs(error) < 0.05), np.mean(np.abs(error) < 1.96 * std)
     rms, score = np.sqrt(np.mean(error**2)), np.sqrt(np.mean((error / std) ** 2))
-    told = f"{len(found) / len(answers):7.0%}{100 * np.median(std):9.2f}{100 * rms:9.2f}"
-    return f"{told}{within:10.0%}{covered:10.0%}{score:8.2f}"
+    text = f"{len(found) / len(answers):7.0%}{100 * np.median(std):9.2f}{100 * rms:9.2f}"
+    return f"{text}{within:10.0%}{covered:10.0%}{score:8.2f}"
 
 
 def main() -> None:
@@ -84,9 +84,9 @@ def main() -> None:
         )
         machines = fleet(count, gap, bits, motor_bits, noise)
         logs = logs_of(machines, sweep, creep=creep, seed=11)
-        found = [asked(log, rig.gears) for log, rig in zip(logs, machines.rigs, strict=True)]
+        found = [measured(log, rig.gears) for log, rig in zip(logs, machines.rigs, strict=True)]
         row = f"{gap:6g}{bits:7d}{motor_bits:8d}{1e6 * noise:8g}{1e6 * creep:8g}{2 * visits:6d}"
-        text.append(row + told(found, gap * ARCMIN))
+        text.append(row + row_of(found, gap * ARCMIN))
         print(text[-1], flush=True)
     Path(__file__).with_name("results").joinpath("lost_motion.txt").write_text("\n".join(text) + "\n")
 

@@ -72,7 +72,7 @@ def row(share: float, least: float, rotors: bool, runs: int, executor: Executor 
     nominal = closed_loop(design(), RIG, swing(acceleration), DURATION, 0)
     begin = time.perf_counter()
     found = monte_carlo(
-        design, RIG, swing(acceleration), DURATION, runs=runs, spread=SPREAD, executor=executor, progress=told
+        design, RIG, swing(acceleration), DURATION, runs=runs, spread=SPREAD, executor=executor, progress=tell
     )
     taken = time.perf_counter() - begin
     own = least - nominal.least_flank_torque
@@ -98,7 +98,7 @@ def why(found: MonteCarlo) -> str:
     return "goes with " + ", ".join(f"{name.replace('_', ' ')} {value:+.2f}" for name, value in first)
 
 
-def told(line: str) -> None:
+def tell(line: str) -> None:
     print(f"\r{line:79s}", end="", file=sys.stderr, flush=True)
 
 
@@ -127,7 +127,7 @@ def main() -> None:
             (1.0, 1.6, True),
         ):
             lines += row(share, least, rotors, runs, executor)
-            told("")
+            tell("")
             print("\r" + "\n".join(lines[-2:]), flush=True)
     folder = Path(__file__).parent / "results"
     folder.mkdir(exist_ok=True)

@@ -85,8 +85,8 @@ def main() -> None:
                 recorded(horizon).tofile(Path(folder) / "rows.bin")
                 command = ["gcc", *flags.split(), "-ffp-contract=off", "main.c", "antidrive_controller.c", "-lm"]
                 subprocess.run([*command, "-o", "timed"], cwd=folder, check=True)
-                said = subprocess.run(["./timed"], cwd=folder, check=True, capture_output=True, text=True).stdout
-            lines.append(f"{flags:24}{horizon:5d}{said}")
+                printed = subprocess.run(["./timed"], cwd=folder, check=True, capture_output=True, text=True).stdout
+            lines.append(f"{flags:24}{horizon:5d}{printed}")
             print(lines[-1], flush=True)
     (Path(__file__).parent / "results" / "mpc_target_step.txt").write_text("\n".join(lines) + "\n")
 

@@ -81,11 +81,11 @@ def line(name: str, learnt: Log, judged: Log, start: ServoModel, fixed: tuple[st
         return float(np.sqrt(np.mean((output - run.measured)[run.valid] ** 2)))
 
     spread = float(np.std(run.measured[run.valid]))
-    told = [
+    cells = [
         f"{name}: {len(run)} samples in {run.duration:.0f} s; the angle has a spread of {spread:.4g} rad",
         f"  {model}",
     ]
-    return told + [f"  {tool:16} {rms(output):10.4g} rad rms" for tool, output in outputs.items()]
+    return cells + [f"  {tool:16} {rms(output):10.4g} rad rms" for tool, output in outputs.items()]
 
 
 def main() -> None:

@@ -34,20 +34,20 @@ def mean_absolute_error(log: Log, model: ServoModel) -> float:
     )
 
 
-def told(found: Diagnosis, held_out: Log) -> list[str]:
+def summary_lines(found: Diagnosis, held_out: Log) -> list[str]:
     """Verdict, reported effects and errors."""
     lines: list[str] = [found.verdict]
     for cause in found.causes:
-        rivals = "".join(f", or {name} {p:.2f}" for name, p in cause.alternatives if p >= 0.01)
+        others = "".join(f", or {name} {p:.2f}" for name, p in cause.alternatives if p >= 0.01)
         values = ", ".join(
             f"{name} {e.value:.4g} +- {e.std:.2g} {e.unit}" if e.std is not None else f"{name} {e.value:.4g} {e.unit}"
             for name, e in cause.parameters.items()
         )
-        lines.append(f"  {cause.effect} {cause.probability:.3f}{rivals}: {values}")
-    carried = [effect.name for effect in found.model.effects if isinstance(effect, Nonparametric)]
-    if found.unexplained.depends_on or carried:
+        lines.append(f"  {cause.effect} {cause.probability:.3f}{others}: {values}")
+    curves = [effect.name for effect in found.model.effects if isinstance(effect, Nonparametric)]
+    if found.unexplained.depends_on or curves:
         lines.append(
-            f"  unexplained over {', '.join(found.unexplained.depends_on)}; carried: {', '.join(carried) or 'none'}"
+            f"  unexplained over {', '.join(found.unexplained.depends_on)}; carried: {', '.join(curves) or 'none'}"
         )
     lines += [f"  small: {m.effect} {m.probability:.3f}, {m.rms:.3g} rms" for m in found.minor]
     lines += [f"  set {', '.join(s.effects) or '-'} {s.probability:.3f}" for s in found.sets[:3]]
@@ -75,7 +75,11 @@ def main() -> None:
         seconds = time.process_time() - begin
         if data.holdout is None:
             raise SystemExit(f"{name} states no split")
-        lines += [f"{wanted} ({seconds:.0f} s): {(lines_of := told(found, data.holdout))[0]}", *lines_of[1:], ""]
+        lines += [
+            f"{wanted} ({seconds:.0f} s): {(lines_of := summary_lines(found, data.holdout))[0]}",
+            *lines_of[1:],
+            "",
+        ]
         print("\n".join(lines[-len(lines_of) - 1 :]), flush=True)
     (Path(__file__).parent / "results" / "real_logs.txt").write_text("\n".join(lines))
 

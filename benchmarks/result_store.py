@@ -21,11 +21,16 @@ def add(path: Path, keys: Iterable[Key], work: Callable[[Key], dict[str, Any]], 
     left = [key for key in keys if key not in done]
     path.parent.mkdir(exist_ok=True)
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        for place, told in enumerate(pool.imap_unordered(work, left, chunk), start=1):
+        for place, reported in enumerate(pool.imap_unordered(work, left, chunk), start=1):
             with path.open("a") as file:
-                file.write(json.dumps(told) + "\n")
-            said = told.get("failed") or f"{told['verdict']} {', '.join(c['effect'] for c in told['causes'])}"
-            print(f"{place}/{len(left)} {told.get('truth') or told.get('kind')} {told['key'][2]}: {said}", flush=True)
+                file.write(json.dumps(reported) + "\n")
+            line = (
+                reported.get("failed") or f"{reported['verdict']} {', '.join(c['effect'] for c in reported['causes'])}"
+            )
+            print(
+                f"{place}/{len(left)} {reported.get('truth') or reported.get('kind')} {reported['key'][2]}: {line}",
+                flush=True,
+            )
 
 
 def attempted(work: Callable[[Key], dict[str, Any]], key: Key) -> dict[str, Any]:

@@ -32,7 +32,7 @@ HIDDEN: dict[str, dict[str, dict[str, float]]] = {
 }
 
 
-def said(machine: Machine, seed: int, scales: tuple[float, ...]) -> str | None:
+def finding(machine: Machine, seed: int, scales: tuple[float, ...]) -> str | None:
     """The reported differences between the runs of a machine, None if there are none."""
     commands = [s * excitation(RUNS * seed + run, duration=SECONDS) for run, s in zip(range(RUNS), scales, strict=True)]
     log = record(machine, np.column_stack(commands), seed=seed, angle=np.full(RUNS, -np.pi / 2)).log_of_runs()
@@ -46,14 +46,14 @@ def main(count: int) -> str:
     for name, effects in HIDDEN.items():
         machine = Machine(inertia=2.0, gravity=0.5, viscous_friction=0.8, effects=effects)
         found = [
-            sum(said(machine, seed, scales) is not None for seed in range(count))
+            sum(finding(machine, seed, scales) is not None for seed in range(count))
             for scales in ((1.0, 1.0, 1.0), (0.5, 1.0, 2.0))
         ]
         lines.append(f"{name:<32} {found[0]:>8} of {count} {found[1]:>12} of {count}")
         print(lines[-1], flush=True)
     for share in (0.01, 0.05, 0.3):
         machine = Machine(inertia=2.0 * (1.0 + share * np.arange(RUNS)), gravity=0.5, viscous_friction=0.8, effects={})
-        hits = [said(machine, seed, (1.0, 1.0, 1.0)) for seed in range(count)]
+        hits = [finding(machine, seed, (1.0, 1.0, 1.0)) for seed in range(count)]
         right = sum(hit is not None and "about inertia" in hit for hit in hits)
         lines.append(f"inertia differs by {100 * share:.0f} %: inertia named in {right} of {count}")
         print(lines[-1], flush=True)

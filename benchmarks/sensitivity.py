@@ -36,34 +36,34 @@ AS_IT_IS, LESS = "as it is", "less "
 
 def as_a_whole(sets: Any, against: Any) -> Any:
     """Probabilities of sets from the whole log."""
-    taken = [sum(min(told.sum(), 0.0) for name, told in against.items() if name in each.names) for each in sets]
+    taken = [sum(min(reported.sum(), 0.0) for name, reported in against.items() if name in each.names) for each in sets]
     scores = np.array([each.log_marginal for each in sets]) + np.array(taken)
     weights = np.exp(scores - scores.max())
     return weights / weights.sum()
 
 
-def no_objection(*_: Any) -> Any:
+def no_rejection(*_: Any) -> Any:
     """No falsification by validation data."""
     falsification = sys.modules["diagnosis.falsification"]
-    return falsification._Objection(worse=0.0, against=np.zeros(falsification.BLOCKS))
+    return falsification._Rejection(worse=0.0, against=np.zeros(falsification.BLOCKS))
 
 
 CONSTANTS: dict[str, tuple[str, str]] = {
     "discrepancy.AMPLITUDES": ("diagnosis.evidence.discrepancy", "sizes of the unmodelled torque that are weighed"),
-    "discrepancy._READINGS": ("diagnosis.evidence.discrepancy", "sizes of errors of the measurement"),
-    "families._BENDS": ("diagnosis.evidence.families", "bends of a smooth function"),
+    "discrepancy._ERRORS": ("diagnosis.evidence.discrepancy", "sizes of errors of the measurement"),
+    "families._HIGHEST_ORDER": ("diagnosis.evidence.families", "bends of a smooth function"),
     "families._LAGS": ("diagnosis.evidence.families", "lags of a torque [samples]"),
-    "families._WAYS": ("diagnosis.evidence.families", "ways after which a direction is forgotten"),
+    "families._TRAVELS": ("diagnosis.evidence.families", "ways after which a direction is forgotten"),
     "prior._DECADES": ("diagnosis.evidence.prior", "log of the range of a size"),
     "jackknife.BLOCKS": ("diagnosis.jackknife", "blocks of the log that are drawn again"),
     "fitted_sets._ITERATIONS": ("diagnosis.evidence.fitted_sets", "iterations of a fit"),
-    "larger_sets.ASKED": ("diagnosis.evidence.larger_sets", "sets that are fitted at once"),
+    "larger_sets.FITTED_SETS": ("diagnosis.evidence.larger_sets", "sets that are fitted at once"),
     "search_over_sets._NEAR": ("diagnosis.evidence.search_over_sets", "share by which a promise may be too large"),
-    "verdict._CARRIES": ("diagnosis.verdict", "from which a variable is told beside the most telling"),
+    "verdict._NEAR_LARGEST": ("diagnosis.verdict", "from which a variable is told beside the most telling"),
     "levels.SURE": ("diagnosis.levels", "probability from which something is sure"),
     "levels.LIKELY": ("diagnosis.levels", "... and is told"),
-    "levels.HARDLY_EVER": ("diagnosis.levels", "log odds against what hardly ever comes"),
-    "levels.SURELY": ("diagnosis.levels", "standard errors that rule out"),
+    "levels.DECISIVE": ("diagnosis.levels", "log odds against what hardly ever comes"),
+    "levels.SIGNIFICANT": ("diagnosis.levels", "standard errors that rule out"),
     "levels.TWICE": ("diagnosis.levels", "rise of a multi-step error that is another one"),
     "levels.INEXACT": ("diagnosis.levels", "share by which laws and models are wrong"),
 }
@@ -75,14 +75,14 @@ RULES: dict[str, tuple[str, str, Any, str]] = {
     "look-alikes": ("diagnosis.evidence.search_over_sets", "_in_place", lambda *_: [], "other names in its place"),
     "without name": (
         "diagnosis.evidence.search_over_sets",
-        "_without_name",
+        "_nonparametric",
         lambda *_: [],
         "no name in its place",
     ),
     "blocks": ("diagnosis.evidence.posterior", "over_blocks", as_a_whole, "the log drawn again by blocks"),
     "sizes": ("diagnosis.evidence.posterior", "kept_share", lambda *_: 1.0, "a cause is larger than what has no name"),
     "values": ("diagnosis.falsification", "_impossible", lambda *_: None, "values that rule an effect out"),
-    "validation": ("diagnosis.falsification", "_objection", no_objection, "validation data that rule an effect out"),
+    "validation": ("diagnosis.falsification", "_rejection", no_rejection, "validation data that rule an effect out"),
     "curves": ("diagnosis.diagnose", "with_curves", lambda fit, base: fit, "what is left carried without a name"),
     "validation only": ("diagnosis.diagnose", "only_in_validation", lambda *_: None, "what validation data alone show"),
 }
@@ -111,15 +111,15 @@ def scaled(value: Any, factor: float) -> Any:
     if isinstance(value, int):
         return max(1, round(factor * value))
     if 0.5 <= value < 1.0:
-        odds = factor * value / (1.0 - value)
-        return odds / (1.0 + odds)
+        scaled_odds = factor * value / (1.0 - value)
+        return scaled_odds / (1.0 + scaled_odds)
     return factor * value
 
 
 def kept() -> dict[tuple[str, int], dict[str, Any]]:
     """The stored outcomes."""
     lines = STORE.read_text(encoding="utf-8").splitlines() if STORE.exists() else []
-    return {(told["changed"], told["seed"]): told for told in map(json.loads, lines)}
+    return {(reported["changed"], reported["seed"]): reported for reported in map(json.loads, lines)}
 
 
 def run(seeds: list[int], processes: int, logs: Path | None, *, rules_alone: bool) -> None:
@@ -130,21 +130,23 @@ def run(seeds: list[int], processes: int, logs: Path | None, *, rules_alone: boo
         there = kept()
         missing = [seed for seed in seeds if (change, seed) not in there]
         work = partial(outcome_of, method="sensitivity:changed", folder=logs)
-        for seed, told in results(missing, work, processes, 300.0):
+        for seed, reported in results(missing, work, processes, 300.0):
             with STORE.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({"changed": change, "seed": seed} | told) + "\n")
-            print(change, seed, told.get("verdict", told.get("failed")), flush=True)
+                file.write(json.dumps({"changed": change, "seed": seed} | reported) + "\n")
+            print(change, seed, reported.get("verdict", reported.get("failed")), flush=True)
 
 
 def table() -> str:
     """A line for each rule and constant."""
     found = kept()
-    base = {seed: told for (change, seed), told in found.items() if change == AS_IT_IS and "verdict" in told}
+    base = {
+        seed: reported for (change, seed), reported in found.items() if change == AS_IT_IS and "verdict" in reported
+    }
     lines = [f"{len(base)} logs: right, honest, missed, wrong, other answers", ""]
     lines += [f"{AS_IT_IS:24} {_counts(base, base)}"]
     for name, (*_, what) in RULES.items():
-        told = {seed: found[f"{LESS}{name}", seed] for seed in base if (f"{LESS}{name}", seed) in found}
-        lines.append(f"{LESS + name:24} {_counts(told, base)}   {what}")
+        reported = {seed: found[f"{LESS}{name}", seed] for seed in base if (f"{LESS}{name}", seed) in found}
+        lines.append(f"{LESS + name:24} {_counts(reported, base)}   {what}")
     lines += ["", "Of half and of double the value", ""]
     for name, (_, what) in CONSTANTS.items():
         both = [{s: found[f"{name} x {f}", s] for s in base if (f"{name} x {f}", s) in found} for f in (0.5, 2.0)]
@@ -152,16 +154,16 @@ def table() -> str:
     return "\n".join(lines)
 
 
-def _counts(told: dict[int, dict[str, Any]], base: dict[int, dict[str, Any]]) -> str:
-    scored = [score(each).category if "verdict" in each else "crash" for each in told.values()]
-    other = sum(_answer(each) != _answer(base[seed]) for seed, each in told.items())
+def _counts(given: dict[int, dict[str, Any]], base: dict[int, dict[str, Any]]) -> str:
+    scored = [score(each).category if "verdict" in each else "crash" for each in given.values()]
+    other = sum(_answer(each) != _answer(base[seed]) for seed, each in given.items())
     kinds = [scored.count(kind) for kind in ("right", "honest", "missed", "wrong")]
     return " ".join(f"{n:3d}" for n in (*kinds, other))
 
 
-def _answer(told: dict[str, Any]) -> tuple[str | None, frozenset[str]]:
-    sure = frozenset(name["effect"] for name in told.get("names", ()) if name["probability"] > 0.9)
-    return told.get("verdict"), sure
+def _answer(given: dict[str, Any]) -> tuple[str | None, frozenset[str]]:
+    sure = frozenset(name["effect"] for name in given.get("names", ()) if name["probability"] > 0.9)
+    return given.get("verdict"), sure
 
 
 def main() -> None:

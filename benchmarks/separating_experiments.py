@@ -29,7 +29,7 @@ sys.path.insert(0, str(HERE.parent / "tests"))
 from machine import Machine, chirp, record  # noqa: E402
 
 from diagnosis import Limits  # noqa: E402
-from diagnosis.experiment.separation import Rival  # noqa: E402
+from diagnosis.experiment.separation import CompetingModel  # noqa: E402
 from diagnosis.experiment.signal_design import Design, Found  # noqa: E402
 from diagnosis.levels import SURE  # noqa: E402
 from identification.fit import fit  # noqa: E402
@@ -86,7 +86,7 @@ class Contest:
         log = record(machine, command, seed=seed, sample_time=SAMPLE_TIME).log()
         paper = ServoModel.paper()
         right = fit(log, paper.with_effect(catalogue[pair.hidden](**pair.values)))
-        wrong = fit(log, paper.with_effect(catalogue[pair.rival](**pair.start)))
+        wrong = fit(log, paper.with_effect(catalogue[pair.alternative](**pair.start)))
         return cls(machine=machine, log=log, fits=(right, wrong))
 
     @property
@@ -102,7 +102,7 @@ class Contest:
     def design(self, duration: float) -> Design:
         """The design task for a duration."""
         return Design(
-            rivals=(Rival.of(self.fits[0]), Rival.of(self.fits[1])),
+            competing=(CompetingModel.of(self.fits[0]), CompetingModel.of(self.fits[1])),
             limits=LIMITS,
             duration=duration,
             sample_time=SAMPLE_TIME,

@@ -25,7 +25,7 @@ sys.path.insert(0, str(HERE.parent / "tests"))
 from calibration import answer, held_out_errors, window_of  # noqa: E402
 from calibration_table import table  # noqa: E402
 from effect_sizes import reaching  # noqa: E402
-from hidden_effects import CASES, Hidden, evidence, rival_model  # noqa: E402
+from hidden_effects import CASES, Hidden, alternative_model, evidence  # noqa: E402
 from machine import Machine  # noqa: E402
 from random_machines import Bench, shaped  # noqa: E402
 from result_store import Key, add, attempted, stored  # noqa: E402
@@ -63,7 +63,7 @@ def size_on(case: Hidden, bench: Bench, seed: int) -> float:
 
     def lambda_of(size: float) -> float:
         logs = [bench.log(case.machine(size), seed, sign=sign) for sign in (1.0, -1.0)]
-        more = len(case.truth(size).names) - len(rival_model(case, size).names)
+        more = len(case.truth(size).names) - len(alternative_model(case, size).names)
         return float(np.mean([evidence(case, size, log) for log in logs])) - more
 
     # With a backlash narrower than the noise, only the compliance of its flanks would show.
@@ -85,11 +85,18 @@ def one(key: Key) -> dict[str, Any]:
     beside = {case.effect: 2.0 * (best.log_likelihood - _without(best, case.effect)) for case in cases}
     begin = time.perf_counter()
     found = diagnose(bench.stretched(log), None, bench.stretched(held))
-    told = answer(found, time.perf_counter() - begin)
+    reported = answer(found, time.perf_counter() - begin)
     window = window_of(best)
     ours = held_out_errors([found.base, found.extended], bench.stretched(held), window and window * bench.slower)
     errors = [*ours, *held_out_errors([best], held, window)]
-    return {"key": list(key), "kind": bench.commands, "truth": list(values), "shown": beside, **told, "errors": errors}
+    return {
+        "key": list(key),
+        "kind": bench.commands,
+        "truth": list(values),
+        "shown": beside,
+        **reported,
+        "errors": errors,
+    }
 
 
 def _fitted(log: Log, cases: list[Hidden], values: dict[str, dict[str, float]]) -> Fit:
@@ -105,10 +112,10 @@ def _without(best: Fit, effect: str) -> float:
     return Problem.of(best.log, best.model.without_effect(effect)).descend(best).log_likelihood
 
 
-def page(told: list[dict[str, Any]]) -> str:
+def page(given: list[dict[str, Any]]) -> str:
     """The calibration's tables, increased validation errors, and errors raised."""
-    lines = [table([t for t in told if "failed" not in t])]
-    for t in told:
+    lines = [table([t for t in given if "failed" not in t])]
+    for t in given:
         if "failed" in t:
             lines.append(f"seed {t['key'][2]}: {t['failed']}")
             continue

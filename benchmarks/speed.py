@@ -91,8 +91,10 @@ def million() -> str:
         "begin = time.perf_counter(); found = diagnose(log); taken = time.perf_counter() - begin;"
         "print(taken, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, found.causes[0].effect)"
     )
-    told = subprocess.run([sys.executable, "-c", program, str(HERE.parent / "tests")], check=True, capture_output=True)
-    taken, memory, effect = told.stdout.decode().split()[-3:]
+    result = subprocess.run(
+        [sys.executable, "-c", program, str(HERE.parent / "tests")], check=True, capture_output=True
+    )
+    taken, memory, effect = result.stdout.decode().split()[-3:]
     name = f"diagnosis of 1,000,000 samples, {effect}"
     return f"{name:52}{float(taken):30.3g} {'s':4}{'120 s':>10}, {float(memory):.2g} GiB of 4"
 

@@ -102,8 +102,8 @@ def main() -> None:
         if words and not any(word in name for word in words):
             continue
         one = diagnosed(log, candidates)
-        said = one if isinstance(one, str) else f"{one.verdict} {', '.join(c.effect for c in one.causes)}"
-        lines.append(f"{name}: {said[:100]}")
+        verdict = one if isinstance(one, str) else f"{one.verdict} {', '.join(c.effect for c in one.causes)}"
+        lines.append(f"{name}: {verdict[:100]}")
         print(lines[-1], flush=True)
         for among in units(log.axis, factor):
             what, size = compared(one, diagnosed(among.log(log), candidates), among)

@@ -169,8 +169,8 @@ def row(cause: Hidden, seed: int) -> tuple[str, float]:
     taken = time.perf_counter() - begin
     model = truth(cause)
     near = fit(log, model, fixed=[name for name in model.names if name != "inertia"])
-    told = Problem.of(log, model).descend(near)
-    before, after, best = (error(each.model, held) for each in (found.base, found.extended, told))
+    refitted = Problem.of(log, model).descend(near)
+    before, after, best = (error(each.model, held) for each in (found.base, found.extended, refitted))
     share = (before - after) / (before - best)
     names = ", ".join(f"{c.effect} {c.probability:.3f}" for c in found.causes) or "-"
     over = ", ".join(found.unexplained.depends_on) or "-"

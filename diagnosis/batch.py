@@ -57,10 +57,10 @@ def diagnose_all(
     )
     with closing(in_order(work, listed, executor)) as results:
         for number, found in enumerate(results, start=1):
-            yield _told(found, number, len(listed), progress)
+            yield _with_number(found, number, len(listed), progress)
 
 
-def _told(found: Diagnosis, number: int, together: int, progress: Callable[[str], None] | None) -> Diagnosis:
+def _with_number(found: Diagnosis, number: int, together: int, progress: Callable[[str], None] | None) -> Diagnosis:
     if progress is not None:
         names = ", ".join(cause.effect.replace("_", " ") for cause in found.causes)
         progress(f"{number} of {together}: {found.verdict.replace('_', ' ')}{f' ({names})' if names else ''}")

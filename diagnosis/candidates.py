@@ -24,16 +24,16 @@ def chosen(candidates: Sequence[Choice] | None, exclude: Collection[str]) -> Map
     for word, given in (("candidates", candidates), ("exclude", exclude)):
         if isinstance(given, str):
             raise BadParameter(f"{word} is one text; give a list, as in [{given!r}].")
-    asked: dict[str, type[Effect]] = dict(catalogue) if candidates is None else {}
+    candidate_kinds: dict[str, type[Effect]] = dict(catalogue) if candidates is None else {}
     for choice in candidates or ():
         kind = catalogue.get(choice) if isinstance(choice, str) else choice
         if not (isinstance(kind, type) and issubclass(kind, Effect)):
             raise BadParameter(f"candidates: {choice!r} is no effect; the catalogue has {', '.join(catalogue)}.")
-        asked[kind.name] = kind
-    unknown = sorted(set(exclude) - set(asked) - set(catalogue))
+        candidate_kinds[kind.name] = kind
+    unknown = sorted(set(exclude) - set(candidate_kinds) - set(catalogue))
     if unknown:
         raise BadParameter(f"exclude: {unknown[0]!r} is no effect; the catalogue has {', '.join(catalogue)}.")
-    left = {name: kind for name, kind in asked.items() if name not in exclude}
+    left = {name: kind for name, kind in candidate_kinds.items() if name not in exclude}
     if not left:
         raise BadParameter("No effect is left to test: give at least one candidate, or exclude fewer.")
     return left

@@ -20,7 +20,7 @@ from diagnosis.holdout import measure_gain, remaining
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.inverse_model import inverse_errors, torque_follows, torque_predicted_worse, unexplained_torque
-from diagnosis.levels import CLEARLY, HARDLY_EVER, LIKELY, SURE
+from diagnosis.levels import CLEARLY, DECISIVE, LIKELY, SURE
 from diagnosis.multimodal_likelihood import on_its_best_peak
 from diagnosis.nonparametric_residual import with_curves
 from diagnosis.refit import estimates
@@ -39,7 +39,7 @@ from identification.fit_result import Fit
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.prior_knowledge import Fixed, Pairs, PriorKnowledge
-from identification.slower_observer import behind_a_slower_observer, worth_of_torque
+from identification.slower_observer import behind_a_slower_observer, torque_log_likelihood_gain
 from identification.threads import without_blas_threads
 from identification.time_stamp_jitter import evenly_timed
 from plant.effects.effect import Array, Effect
@@ -92,10 +92,10 @@ def diagnose(
     known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     tell = progress or (lambda line: None)
     given = None if holdout is None else log_of(holdout).usable(force=force)
-    estimation, validation, said = parts(log, given)
+    estimation, validation, notes = parts(log, given)
     if given is not None and (twice := fitted_too(log, given)) is not None:
-        said.append(f"{twice}: this run is fitted too, so it validates nothing; give another one.")
-    found = _diagnosed(estimation, validation, start, known, effects, tell, said)
+        notes.append(f"{twice}: this run is fitted too, so it validates nothing; give another one.")
+    found = _diagnosed(estimation, validation, start, known, effects, tell, notes)
     if found.only_in_validation is None:
         return found
     if is_of_parameters(found.extended, validation):
@@ -119,9 +119,9 @@ def _diagnosed(
     known: PriorKnowledge,
     effects: Mapping[str, type[Effect]],
     tell: Callable[[str], None],
-    said: Sequence[str],
+    notes: Sequence[str],
 ) -> Diagnosis:
-    """Diagnosis of a log with given validation data; `said` are the warnings on how the data were divided."""
+    """Diagnosis of a log with given validation data; `notes` are the warnings on how the data were divided."""
     log, shorter = stretches(log)
     tell("fitting the base model")
     null = fit_with_prior(log, start, known, tell, of_the_sensor=True)
@@ -136,7 +136,7 @@ def _diagnosed(
         raise Unidentifiable(torque_follows(log) or _FAILED + null.failed)
     held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
     found = tenable(null, explore(null, effects, tell).known.values(), held_out)
-    if failed is not None and worth_of_torque(found.fit) < HARDLY_EVER:
+    if failed is not None and torque_log_likelihood_gain(found.fit) < DECISIVE:
         raise Unidentifiable(torque_follows(log) or _FAILED + failed)
     tell("fitting non-parametric curves")
     found = replace(found, fit=on_its_best_peak(found.fit, found.without))
@@ -146,7 +146,7 @@ def _diagnosed(
     shows = final is not named or (again is not None and again.deterministic)
     if final is not named and predicts_worse(named, final, held_out):
         final = named
-    ruled_out = found.likeliest if found.lost > CLEARLY + HARDLY_EVER else None
+    ruled_out = found.likeliest if found.lost > CLEARLY + DECISIVE else None
     tell("measuring the gain on validation data")
     gain, _, replays = measure_gain(held_out, [null, final])
     judgement = judged(found.posterior, missing, shows=shows, ruled_out=ruled_out)
@@ -172,7 +172,7 @@ def _diagnosed(
         unexplained=left,
         only_in_validation=None if alone is None else str(alone),
         warnings=(
-            *_of_data(null, [*said, *filter(None, (shorter,))]),
+            *_of_data(null, [*notes, *filter(None, (shorter,))]),
             *filter(None, (absurd or torque_predicted_worse(torque_error),)),
             *_of_the_end(null, final, held_out),
         ),
@@ -212,16 +212,16 @@ def _unknown(found: Tenable, judgement: Judgement, missing: ResidualTorque) -> U
     beside, torques = best.discrepancy.posterior, frozenset(unnamed) - of_reading
     level = float(np.sqrt(np.mean(missing.command**2)))
     sizes = [torque_of(found.fit, name)[0] / level for name in sorted(best.names & torques)]
-    probability = max(beside.material, posterior.nameless(torques))
+    probability = max(beside.material, posterior.nonparametric(torques))
     if level > 0.0 and (judgement.verdict == "unknown" or probability > SURE):
         whole = np.concatenate([run.drive for run in found.fit.log.runs])
         of_all = missing.excess * level / float(np.sqrt(np.mean(whole**2)))
         sizes.append(min(of_all, 1.0))  # the torque of a model may be worse than none
     return Unknown(
         probability=probability,
-        measurement_error=max(beside.measurement_error, posterior.nameless(of_reading)),
+        measurement_error=max(beside.measurement_error, posterior.nonparametric(of_reading)),
         depends_on=judgement.depends_on,
-        share=max((best.weighed.share, *sizes)),
+        share=max((best.likelihood.share, *sizes)),
     )
 
 
@@ -265,9 +265,9 @@ def _sets(posterior: Posterior, judgement: Judgement) -> tuple[EffectSet, ...]:
     )
 
 
-def _of_data(null: Fit, said: Sequence[str]) -> list[str]:
+def _of_data(null: Fit, notes: Sequence[str]) -> list[str]:
     """Warnings about the log."""
-    warnings = [*null.log.warnings, *null.log.repairs, *null.log.notes, *said]
+    warnings = [*null.log.warnings, *null.log.repairs, *null.log.notes, *notes]
     if null.unidentifiable:
         warnings.append(f"This log does not determine {', '.join(null.unidentifiable)} of the base model.")
     if null.log.colour:
@@ -282,8 +282,8 @@ def _of_the_end(null: Fit, final: Fit, held_out: Log) -> list[str]:
     """Warnings about the final model: confounded parameters, extrapolation, repeated runs, validation data."""
     further, left, apart = extrapolation_warning(held_out, null.log), repeats(final), between_run_differences(final)
     found = [*blind_spots(null, final), further, None if left is None else str(left), apart, suggested_formula(final)]
-    if opinions := holdout_differences(final, held_out):
-        found.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, opinions))}.")
+    if differences := holdout_differences(final, held_out):
+        found.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, differences))}.")
     return [each for each in found if each is not None]
 
 

@@ -18,10 +18,10 @@ def extrapolation_warning(held_out: Log, seen: Log) -> str | None:
     if seen.response == "angle":
         ranges.insert(0, (angle, _angles, unit))
     for name, of, size in ranges:
-        known, asked = of(seen), of(held_out)
+        known, needed = of(seen), of(held_out)
         low, high = float(known.min()), float(known.max())
         margin = _MARGIN * (high - low)
-        outside = float(np.mean((asked < low - margin) | (asked > high + margin)))
+        outside = float(np.mean((needed < low - margin) | (needed > high + margin)))
         if outside > _MUCH:
             return (
                 f"{100.0 * outside:.0f} % of the validation data have {name} outside {low:.3g} to {high:.3g} {size}, "

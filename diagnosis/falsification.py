@@ -19,7 +19,7 @@ from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.wording import measured, percent
 from diagnosis.holdout import STARTS, bounded, cut, restart_window, squared_errors
 from diagnosis.jackknife import BLOCKS
-from diagnosis.levels import SURELY, TWICE
+from diagnosis.levels import SIGNIFICANT, TWICE
 from diagnosis.refit import estimates, is_plausible, settled, without
 from diagnosis.residual_torque import torque_of
 from diagnosis.result import Estimate
@@ -67,14 +67,14 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
     """
     left, falsified = _possible(explanations)
     against: dict[str, Array] = {}
-    asked: dict[frozenset[str], _Validated] = {}
+    validated: dict[frozenset[str], _Validated] = {}
     while True:
         posterior = Posterior.over(left, against)
         leading = posterior.best
-        if leading.names not in asked:
-            asked[leading.names] = _Validated.of(base, leading, validation)
-        here = asked[leading.names]
-        found = here.objections
+        if leading.names not in validated:
+            validated[leading.names] = _Validated.of(base, leading, validation)
+        here = validated[leading.names]
+        found = here.rejections
         wrong = {name: each.worse for name, each in found.items() if each.worse > 0.0}
         worst = max(wrong, key=lambda name: wrong[name], default=None)
         rest = [each for each in left if worst not in each.names]
@@ -110,14 +110,14 @@ class _Validated:
         fit: of the set, with the observer that it needs without a discrepancy.
         less: for each effect the model without it, fitted again.
         gains: of each effect, as in `Tenable`.
-        objections: evidence of the validation data against each effect.
+        rejections: evidence of the validation data against each effect.
         worse_together: whether the prediction is significantly worse with the set than with the base model.
     """
 
     fit: Fit
     less: Mapping[str, Fit]
     gains: Mapping[str, tuple[float, float]]
-    objections: Mapping[str, _Objection]
+    rejections: Mapping[str, _Rejection]
     worse_together: bool
 
     @classmethod
@@ -132,8 +132,8 @@ class _Validated:
             after = errors_of_many_steps(fit.model, validation)
             gains = {name: cut(errors_of_many_steps(other.model, validation), after) for name, other in less.items()}
             worse_together = len(names) > 1 and predicts_worse(base, fit, validation)
-        objections = {name: _objection(other, fit, validation, gains[name]) for name, other in less.items()}
-        return cls(fit=fit, less=less, gains=gains, objections=objections, worse_together=worse_together)
+        rejections = {name: _rejection(other, fit, validation, gains[name]) for name, other in less.items()}
+        return cls(fit=fit, less=less, gains=gains, rejections=rejections, worse_together=worse_together)
 
 
 def errors_of_many_steps(model: ServoModel, validation: Log) -> Array:
@@ -148,11 +148,11 @@ def errors_of_many_steps(model: ServoModel, validation: Log) -> Array:
 def predicts_worse(less: Fit, fit: Fit, validation: Log) -> bool:
     """Whether a fit predicts validation data significantly worse than the fit of a smaller model."""
     before, after = (errors_of_many_steps(each.model, validation) for each in (less, fit))
-    return _objection(less, fit, validation, cut(before, after)).worse > 0.0
+    return _rejection(less, fit, validation, cut(before, after)).worse > 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Objection:
+class _Rejection:
     """Evidence of the validation data against an effect.
 
     Attributes:
@@ -165,7 +165,7 @@ class _Objection:
     against: Array
 
 
-def _objection(less: Fit, fit: Fit, validation: Log, gain: tuple[float, float]) -> _Objection:
+def _rejection(less: Fit, fit: Fit, validation: Log, gain: tuple[float, float]) -> _Rejection:
     """Evidence against an effect, from a fit without it, one with it, and its gain in multi-step prediction.
 
     The one-step error must not rise significantly. The multi-step error must not rise significantly to more than
@@ -175,17 +175,17 @@ def _objection(less: Fit, fit: Fit, validation: Log, gain: tuple[float, float]) 
     bandwidth = max(less.bandwidth, fit.bandwidth)
     before, after = (_squared_innovations(validation, each, bandwidth) for each in (less, fit))
     tested = ((*cut(before, after), 0.0), (*gain, TWICE))
-    if any(fell > SURELY * std for fell, std, _ in tested):
-        return _Objection(worse=0.0, against=np.zeros(BLOCKS))
-    worse = max(-fell if fell + SURELY * std < -least else 0.0 for fell, std, least in tested)
-    return _Objection(worse=worse, against=_log_likelihood(after) - _log_likelihood(before))
+    if any(fell > SIGNIFICANT * std for fell, std, _ in tested):
+        return _Rejection(worse=0.0, against=np.zeros(BLOCKS))
+    worse = max(-fell if fell + SIGNIFICANT * std < -least else 0.0 for fell, std, least in tested)
+    return _Rejection(worse=worse, against=_log_likelihood(after) - _log_likelihood(before))
 
 
 def _log_likelihood(squares: Array) -> Array:
     """(B,) log-likelihood of blocks of white noise (T,) of unknown variance, from its squares."""
     variance = max(float(np.mean(squares)), 1e-300)
-    told = -0.5 * (squares / variance + np.log(variance))
-    return np.array([part.sum() for part in np.array_split(told, BLOCKS)])
+    log_density = -0.5 * (squares / variance + np.log(variance))
+    return np.array([part.sum() for part in np.array_split(log_density, BLOCKS)])
 
 
 def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
@@ -197,8 +197,8 @@ def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
         early = STARTS * restart_window(log)
         stretches = [run.slice(0, max(int(early / run.sample_time), 10)) for run in log.runs]
         initial = np.array([starting_state(log, stretch, fit.model) for stretch in stretches])
-    told = problem.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
-    errors = np.concatenate([one.innovations[run.valid] for one, run in zip(told, log.runs, strict=True)])
+    predictions = problem.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
+    errors = np.concatenate([one.innovations[run.valid] for one, run in zip(predictions, log.runs, strict=True)])
     return bounded(errors) ** 2
 
 
@@ -223,16 +223,16 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     torques = {key: value for key, value in values.items() if value.unit == fit.log.command_unit}
     sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}
     lines = [line for key in sizes or values if not (line := fit[f"{name}.{key}"]).fixed]
-    unclear = [(line.value is None and not _is_told_together(fit, line.name)) or line.at_bound for line in lines]
+    unclear = [(line.value is None and not _is_determined_jointly(fit, line.name)) or line.at_bound for line in lines]
     if (unclear and all(unclear)) or not np.isfinite(explanation.log_marginal):
         return "this log does not separate its parameters from the other parameters"
     if sizes and all(_is_zero(value) for value in sizes.values()):
-        return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
+        return f"its {_listed(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
     gone = {key: value for key, value in torques.items() if fit[f"{name}.{key}"].at_bound and value.value == 0.0}
     if gone:  # e.g. friction in one of two directions: then a simpler effect explains as much
-        return f"its {_said(gone)} {'is' if len(gone) == 1 else 'are'} zero, at a bound"
-    swings = [fit[f"{name}.{spec}"] for spec in _swings(name)]
-    if any(line.at_bound or line.value is None for line in swings):
+        return f"its {_listed(gone)} {'is' if len(gone) == 1 else 'are'} zero, at a bound"
+    frequencies = [fit[f"{name}.{spec}"] for spec in _frequencies(name)]
+    if any(line.at_bound or line.value is None for line in frequencies):
         return "its resonance is faster than this log can show"
     if not is_plausible(fit, name):
         return "the fitted values are implausible for this effect"
@@ -244,7 +244,7 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     return None
 
 
-def _is_told_together(fit: Fit, size: str) -> bool:
+def _is_determined_jointly(fit: Fit, size: str) -> bool:
     """Whether a size is undetermined only because it is collinear with other parameters of its effect.
 
     An example is the stiffness of an end stop that was touched once: it is collinear with the position of the stop.
@@ -276,7 +276,7 @@ def _sizes(name: str) -> list[str]:
     ]
 
 
-def _swings(name: str) -> list[str]:
+def _frequencies(name: str) -> list[str]:
     """Parameters of a catalogue effect that are resonance frequencies; the sampling rate limits what can be seen."""
     kind = catalogue.get(name)
     return [] if kind is None else [spec.name for spec in kind.parameters() if spec.swing and spec.fitted]
@@ -286,7 +286,7 @@ def _is_zero(value: Estimate) -> bool:
     return value.std is not None and abs(value.value) <= value.std
 
 
-def _said(values: Mapping[str, Estimate]) -> str:
+def _listed(values: Mapping[str, Estimate]) -> str:
     return " and ".join(
         f"{name.replace('_', ' ')} ({measured(value.value, value.std, value.unit)})"
         for name, value in sorted(values.items())

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.jackknife import BLOCKS, jackknife
-from diagnosis.measured_motion import reading_noise
+from diagnosis.measured_motion import measurement_noise
 from diagnosis.result import Findings, Gain, Replay, Unexplained
 from identification.fit_result import Fit
 from identification.log import Log
@@ -112,7 +112,7 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tup
 
 def _floor_name(fit: Fit) -> str:
     """Name of the least error of a fit: a noise floor only with regular sampling and about the measured noise."""
-    noise = max(reading_noise(run) for run in fit.log.runs)
+    noise = max(measurement_noise(run) for run in fit.log.runs)
     irregular = any(np.diff(run.time).std() > _IRREGULAR * run.sample_time for run in fit.log.runs)
     return "one-step error" if irregular or fit.noise_floor > _MORE * noise else "noise floor"
 

@@ -19,7 +19,7 @@ from identification.fit_result import Fit
 from plant.effects import Motion
 from plant.effects.effect import Array
 
-_SURE = 3.0  # standard errors
+_SIGNIFICANT = 3.0  # standard errors
 _SLOW = 0.1  # share of the highest speed at which the modelled breakaway torque has fallen to 1/e
 
 
@@ -28,7 +28,7 @@ class _Question:
     """One size that a log may not identify, the torques it is confounded with, and advice for the experiment."""
 
     about: str
-    companions: tuple[str, ...]
+    confounded: tuple[str, ...]
     open: str
     advice: str
 
@@ -37,37 +37,37 @@ _RIGID = ("inertia", "viscous", "gravity", "zone")
 _QUESTIONS = (
     _Question(
         about="gravity",
-        companions=("inertia", "viscous", "zone", "offset", "quadrature"),
+        confounded=("inertia", "viscous", "zone", "offset", "quadrature"),
         open="Gravity is confounded with a torque offset",
         advice="let it turn by more than 90 degrees",
     ),
     _Question(
         about="dry",
-        companions=(*_RIGID, "offset"),
+        confounded=(*_RIGID, "offset"),
         open="Dry friction is confounded with a torque offset",
         advice="let it move in both directions",
     ),
     _Question(
         about="breakaway",
-        companions=(*_RIGID, "dry"),
+        confounded=(*_RIGID, "dry"),
         open="Stiction cannot be seen",
         advice="let it stop and break away again",
     ),
     _Question(
         about="zone",
-        companions=("inertia", "viscous", "gravity", "offset"),
+        confounded=("inertia", "viscous", "gravity", "offset"),
         open="The dead zone is confounded with a torque offset",
         advice="let it pass through zero slowly",
     ),
     _Question(
         about="viscous",
-        companions=("inertia", "gravity", "zone", "dry"),
+        confounded=("inertia", "gravity", "zone", "dry"),
         open="Viscous friction is confounded with dry friction",
         advice="let it move slowly and fast",
     ),
     _Question(
         about="inertia",
-        companions=("viscous", "gravity", "zone", "dry"),
+        confounded=("viscous", "gravity", "zone", "dry"),
         open="Inertia cannot be seen",
         advice="let it reverse faster",
     ),
@@ -88,15 +88,15 @@ def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
     motion, columns = screen.motion, _columns(screen.motion, fit)
     shown = response(screen.filters, np.column_stack(list(columns.values())), on_reading=False)
     seen = dict(zip(columns, screen.nuisance.beyond_initial_states(shown).T, strict=True))
-    worth = {"inertia": _rms(motion.acceleration), "viscous": _rms(motion.velocity)}
-    limit, reasons = _rms(motion.torque) / (_SURE * fit.noise_std), _reasons(fit)
+    weights = {"inertia": _rms(motion.acceleration), "viscous": _rms(motion.velocity)}
+    limit, reasons = _rms(motion.torque) / (_SIGNIFICANT * fit.noise_std), _reasons(fit)
     hidden = [
         question
         for question in _QUESTIONS
         if question.about in seen
-        and not _is_told(question, extended or fit)
+        and not _is_determined(question, extended or fit)
         and not (question.about == "gravity" and reasons["gravity"] is None)
-        and worth.get(question.about, 1.0) * _standard_error(seen, question) > limit
+        and weights.get(question.about, 1.0) * _standard_error(seen, question) > limit
     ]
     return tuple(
         f"{q.open}: {_NOISE if reasons[q.about] is None else f'{reasons[q.about]}; {q.advice}'}." for q in hidden
@@ -110,9 +110,9 @@ def standstill(fit: Fit) -> str | None:
     """
     seen = [run.measured[run.valid] for run in fit.log.runs]
     spread = _rms(np.concatenate([each - each.mean() for each in seen]))
-    wiggle = _rms(np.concatenate([np.diff(each, 2) for each in seen])) / np.sqrt(6.0)
+    second_difference = _rms(np.concatenate([np.diff(each, 2) for each in seen])) / np.sqrt(6.0)
     resolution = 1e-9 * max(float(np.max(np.abs(each))) for each in seen)
-    if spread > max(2.0 * min(fit.noise_std, wiggle), resolution):
+    if spread > max(2.0 * min(fit.noise_std, second_difference), resolution):
         return None
     what = {"N m": "torque", "N": "force"}.get(fit.log.command_unit, "command")
     highest = max(float(np.nanmax(np.abs(run.drive))) for run in fit.log.runs)
@@ -143,13 +143,13 @@ def _columns(motion: Motion, fit: Fit) -> dict[str, Array]:
 def _standard_error(seen: dict[str, Array], question: _Question) -> float:
     """Standard error of a size beyond its confounded torques, in its unit, for noise of unit size."""
     own = seen[question.about]
-    others = np.column_stack([seen[name] for name in question.companions if name in seen])
+    others = np.column_stack([seen[name] for name in question.confounded if name in seen])
     others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
     beyond = own - others @ np.linalg.lstsq(others, own, rcond=1e-10)[0]
     return 1.0 / max(float(np.linalg.norm(beyond)), 1e-12 * float(np.linalg.norm(own)), 1e-300)
 
 
-def _is_told(question: _Question, fit: Fit) -> bool:
+def _is_determined(question: _Question, fit: Fit) -> bool:
     """Whether a fit determines a size; viscous friction only if the model has an effect beyond the dead zone."""
     if question.about == "viscous" and {effect.name for effect in fit.model.effects} <= {"dead_zone"}:
         return False
@@ -157,7 +157,7 @@ def _is_told(question: _Question, fit: Fit) -> bool:
     if name is None:
         return False
     lines = [p for p in fit.parameters if p.name.split("[")[0] == name]  # one per run if it differs between runs
-    return all(p.value is not None and p.std is not None and abs(p.value) > _SURE * p.std for p in lines)
+    return all(p.value is not None and p.std is not None and abs(p.value) > _SIGNIFICANT * p.std for p in lines)
 
 
 def _reasons(fit: Fit) -> dict[str, str | None]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from diagnosis.explanation.wording import joined_words
 from diagnosis.jackknife import jackknife
-from diagnosis.levels import LIKELY, SURELY
+from diagnosis.levels import LIKELY, SIGNIFICANT
 from diagnosis.residual_torque import noise_cutoff
 from diagnosis.result import TorqueError
 from identification.fit_result import Fit
@@ -74,10 +74,10 @@ def torque_follows(log: Log, cutoff: float | None = None) -> str | None:
     units = {spec.name: printed(spec.unit) for spec in model.parameters} | {"coulomb_friction": log.command_unit}
     names = ("inertia", *(("gravity",) if log.axis == "rotary" else ()), "viscous_friction", "coulomb_friction")
     words = [f"{name.replace('_', ' ')} {getattr(found, name):.3g} {units[name]}" for name in names]
-    told = [each.replace("coulomb", "Coulomb") for each in words]
+    text = [each.replace("coulomb", "Coulomb") for each in words]
     return (
         f"A regression of the torque on the measured motion has an error of {100.0 * found.error:.3g} % "
-        f"({joined_words(told)}): in this log the torque follows the motion, as in a tight loop or beside other moving "
+        f"({joined_words(text)}): in this log the torque follows the motion, as in a tight loop or beside other moving "
         "joints, and does not predict it. Do not use the fitted parameters; record a log in which only this axis moves "
         "and the torque is commanded."
     )
@@ -87,7 +87,7 @@ def torque_predicted_worse(error: TorqueError) -> str | None:
     """That the extended model predicts the torque of the validation data less well than the base model; else None."""
     before, after = error.held_out_before, error.held_out_after
     scatter = float(np.hypot(error.std["held_out_before"], error.std["held_out_after"]))
-    if not after - before > SURELY * scatter:
+    if not after - before > SIGNIFICANT * scatter:
         return None
     return (
         f"The extended model predicts the torque of the validation data less well than the base model (error of the "

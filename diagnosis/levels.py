@@ -10,9 +10,9 @@ LIKELY = 0.5
 """Probability above which an effect is reported and in the extended model."""
 CLEARLY = float(np.log(SURE / (1.0 - SURE)))
 """Log Bayes factor that raises a prior probability of 0.5 to `SURE`."""
-HARDLY_EVER = float(np.log(1000.0))
+DECISIVE = float(np.log(1000.0))
 """Log odds of 1000 to 1: margin for linearised evidence and for added curves, and significance of rare events."""
-SURELY = 3.0
+SIGNIFICANT = 3.0
 """Standard errors from which a result on validation data is significant."""
 TWICE = 1.0
 """Relative increase of an error, to double, up to which it is tolerated."""

@@ -34,7 +34,7 @@ class Linear:
     Attributes:
         closed_loop: (T, n, n) derivative of the next state by the state, the observer's correction included.
         by_torque: (T, n) derivative of the next state by a torque on the load.
-        by_reading: (T, n) derivative of the next state by an error of the measurement.
+        by_measurement: (T, n) derivative of the next state by an error of the measurement.
         seen: (T, n) derivative of the measurement by the state.
         weight: (T,) one for valid samples, else zero.
         colour: autoregressive coefficients of the measurement noise; the innovations are whitened with them.
@@ -42,14 +42,14 @@ class Linear:
 
     closed_loop: Array
     by_torque: Array
-    by_reading: Array
+    by_measurement: Array
     seen: Array
     weight: Array
     colour: tuple[float, ...] = ()
 
     def response(self, columns: Array, *, on_reading: bool = False) -> Array:
         """(T, M) change of the innovations by torques (T, M), or by errors of the measurement."""
-        path = self.by_reading if on_reading else self.by_torque
+        path = self.by_measurement if on_reading else self.by_torque
         found = np.empty(columns.shape)
         for first in range(0, columns.shape[1], AT_ONCE):
             some = slice(first, first + AT_ONCE)
@@ -65,10 +65,10 @@ class Linear:
         if self.colour:
             push = self.weight[:, None] * whiten(push[::-1], np.array(self.colour))[::-1]
         backwards, seen = self.closed_loop.transpose(0, 2, 1)[::-1], self.seen[::-1]
-        torque, reading = (
-            follow(backwards, seen, path[::-1], push[::-1])[::-1] for path in (self.by_torque, self.by_reading)
+        torque, measurement = (
+            follow(backwards, seen, path[::-1], push[::-1])[::-1] for path in (self.by_torque, self.by_measurement)
         )
-        return torque, push + reading
+        return torque, push + measurement
 
 
 def follow(transition: Array, path: Array, seen: Array, columns: Array) -> Array:
@@ -125,7 +125,7 @@ def score(runs: tuple[Linear, ...], innovations: Array) -> tuple[Array, Array]:
     ends = np.cumsum([linear.weight.size for linear in runs])
     pieces = np.split(innovations, ends[:-1])
     scores = [linear.score(piece) for linear, piece in zip(runs, pieces, strict=True)]
-    return np.concatenate([torque for torque, _ in scores]), np.concatenate([reading for _, reading in scores])
+    return np.concatenate([torque for torque, _ in scores]), np.concatenate([measurement for _, measurement in scores])
 
 
 def linearised(
@@ -141,7 +141,7 @@ def linearised(
     probe = model.with_effect(GivenLoad(torque=0.0))
     n, samples = len(probe.states), len(run)
     closed_loop, seen = np.empty((samples, n, n)), np.empty((samples, n))
-    by_torque, by_reading = np.empty((samples, n)), np.empty((samples, n))
+    by_torque, by_measurement = np.empty((samples, n)), np.empty((samples, n))
     for first in range(0, samples, PIECE):
         part = slice(first, min(first + PIECE, samples))
         rows, values = run_inputs(run, probe, probe.values, bandwidth, 0.0, part)
@@ -150,12 +150,12 @@ def linearised(
         inputs = np.hstack((corrected, rows[:, : len(INPUTS)]))
         _, (slopes, seen[part]) = _slopes(Structure(probe), substeps, run.positioned, run.response)((), inputs, values)
         transition = slopes[:, n:].reshape(-1, n, n).transpose(0, 2, 1)
-        by_torque[part], by_reading[part] = slopes[:, :n], -np.einsum("kij,kj->ki", transition, gain)
-        closed_loop[part] = transition + by_reading[part, :, None] * seen[part, None, :]
+        by_torque[part], by_measurement[part] = slopes[:, :n], -np.einsum("kij,kj->ki", transition, gain)
+        closed_loop[part] = transition + by_measurement[part, :, None] * seen[part, None, :]
     return Linear(
         closed_loop=closed_loop,
         by_torque=by_torque,
-        by_reading=by_reading,
+        by_measurement=by_measurement,
         seen=seen,
         weight=run.valid.astype(float),
         colour=colour,

@@ -94,7 +94,7 @@ class MeasuredMotion:
         return None if self.change > 2 * _FEW else "the load hardly speeds up"
 
 
-def reading_noise(run: Run) -> float:
+def measurement_noise(run: Run) -> float:
     """Standard deviation of the measurement noise of a run, quantisation included [rad or m]."""
     output = run.output[run.valid]
     return float(np.std(np.diff(output, 6)) / np.sqrt(924.0)) if output.size > 12 else 0.0
@@ -104,14 +104,14 @@ def speed_of(run: Run) -> Array:
     """(N,) measured speed of a run at equidistant times [rad/s or m/s], without its ends."""
     clock = run.time[0] + run.sample_time * np.arange(round(run.duration / run.sample_time) + 1)
     output = np.interp(clock, run.time[run.valid], run.output[run.valid])
-    noise, speed = reading_noise(run), np.gradient(output, run.sample_time)
+    noise, speed = measurement_noise(run), np.gradient(output, run.sample_time)
     for sigma in _WIDTHS:
         edge = int(np.ceil(4.0 * sigma))
         if output.size < 4 * edge:
             break
         speed = gaussian(output, sigma, 1)[edge:-edge] / run.sample_time
         # of the derivative of a Gaussian of standard deviation sigma, on white noise
-        doubt = noise / (run.sample_time * np.sqrt(4.0 * np.sqrt(np.pi) * sigma**3))
-        if doubt < _CLEAR * np.sqrt(np.mean(speed**2)):
+        std = noise / (run.sample_time * np.sqrt(4.0 * np.sqrt(np.pi) * sigma**3))
+        if std < _CLEAR * np.sqrt(np.mean(speed**2)):
             break
     return np.asarray(speed, dtype=np.float64)

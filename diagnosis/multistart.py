@@ -12,7 +12,7 @@ from identification.fit_result import Fit
 from identification.threads import in_threads
 from plant.effects import Effect
 
-_WAYS = 2  # number of starts from the whole range that are pursued to the end
+_PURSUED = 2  # number of starts from the whole range that are pursued to the end
 _NEARER = (1, 2, 2, 2, 2, 2)  # stages of the local search, finer and finer; the last repeats while the fit improves
 _FIRST_STEP = 2  # iterations after which starts are compared
 _SMOOTHER = 0.2  # least observer bandwidth, as a share of that without the effect
@@ -29,7 +29,7 @@ def multistart_refit(fit: Fit, found: Fit, name: str) -> Fit:
     freer = () if effect is None else effect.freer()
     if not freer:
         return best
-    (freed,) = _climbed(fit, best, name, freer, most=1)
+    (freed,) = _optimised(fit, best, name, freer, most=1)
     pays = 0.5 * (len(freed.free) - len(best.free)) * float(np.log(fit.samples)) + float(np.log(len(freer)))
     return best_similar_shape(fit, freed, name) if _height(freed) > _height(best) + pays else best
 
@@ -39,14 +39,14 @@ def best_similar_shape(fit: Fit, found: Fit, name: str) -> Fit:
 
     The two best starts from the whole range are pursued: only at the end it is clear which maximum is higher.
     """
-    afar = _climbed(fit, found, name, _similar_shapes(found, name, stage=0), most=_WAYS)
-    ways = sorted((found, *afar), key=_height)[-_WAYS:]
-    return max(in_threads(lambda way: _nearer(fit, way, name), ways), key=_height)
+    distant = _optimised(fit, found, name, _similar_shapes(found, name, stage=0), most=_PURSUED)
+    starts = sorted((found, *distant), key=_height)[-_PURSUED:]
+    return max(in_threads(lambda way: _nearer(fit, way, name), starts), key=_height)
 
 
 def _nearer(fit: Fit, best: Fit, name: str) -> Fit:
     for stage in _NEARER:
-        better = _climbed(fit, best, name, _similar_shapes(best, name, stage), most=1)
+        better = _optimised(fit, best, name, _similar_shapes(best, name, stage), most=1)
         if better and _height(better[0]) > _height(best):
             (best,) = better
         elif stage == _NEARER[-1]:
@@ -68,7 +68,7 @@ def _similar_shapes(fit: Fit, name: str, stage: int) -> tuple[Effect, ...]:
     return () if effect is None else effect.similar_shapes(stage)
 
 
-def _climbed(fit: Fit, best: Fit, name: str, others: Sequence[Effect], *, most: int) -> list[Fit]:
+def _optimised(fit: Fit, best: Fit, name: str, others: Sequence[Effect], *, most: int) -> list[Fit]:
     """Fits from the best of other shapes of an effect, if there are any, at the bandwidth of the best fit so far.
 
     With the faster observer of the model without the effect, fine details are lost and the maximum reached is random.
@@ -76,5 +76,5 @@ def _climbed(fit: Fit, best: Fit, name: str, others: Sequence[Effect], *, most: 
     rest = best.model.without_effect(name)
     at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
     near = replace(best, model=rest, bandwidth=at)
-    alike = [problem_near(fit, rest.with_effect(other)) for other in others]
-    return in_threads(lambda each: each.descend(near), most_promising(alike, near, at, _FIRST_STEP)[:most])
+    similar = [problem_near(fit, rest.with_effect(other)) for other in others]
+    return in_threads(lambda each: each.descend(near), most_promising(similar, near, at, _FIRST_STEP)[:most])

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.evidence.without_name import promising
+from diagnosis.evidence.nonparametric_proposals import promising
 from diagnosis.falsification import errors_of_many_steps
 from diagnosis.holdout import cut
-from diagnosis.levels import HARDLY_EVER, SURELY
+from diagnosis.levels import DECISIVE, SIGNIFICANT
 from diagnosis.refit import fitted_from, fitted_to, problem_near
 from diagnosis.score_test import Screen
 from diagnosis.validation_split import split
@@ -60,16 +60,16 @@ def _better(fit: Fit, named: Collection[str]) -> Fit | None:
     before = errors_of_many_steps(less.model, rest)
     for begin in range(0, len(starts), _AT_ONCE):
         tried = starts[begin : begin + _AT_ONCE]
-        surely = in_threads(lambda start: _surely_better(less, start, rest, before), tried)
-        sure = [start for start, sigmas in zip(tried, surely, strict=True) if sigmas > SURELY]
-        carried = in_threads(lambda start: _carried(fit, named, start), sure)
-        paying = [other for other in carried if other.converged and _worth(other, fit) > HARDLY_EVER]
+        significance = in_threads(lambda start: _significance(less, start, rest, before), tried)
+        significant = [start for start, sigmas in zip(tried, significance, strict=True) if sigmas > SIGNIFICANT]
+        extended = in_threads(lambda start: _with_nonparametric(fit, named, start), significant)
+        paying = [other for other in extended if other.converged and _log_bayes_factor(other, fit) > DECISIVE]
         if paying:
-            return max(paying, key=lambda other: _worth(other, fit))
+            return max(paying, key=lambda other: _log_bayes_factor(other, fit))
     return None
 
 
-def _carried(fit: Fit, named: Collection[str], start: Nonparametric) -> Fit:
+def _with_nonparametric(fit: Fit, named: Collection[str], start: Nonparametric) -> Fit:
     after = _beside(fit, start, named).descend(fit)
     return replace(after, parameters=tuple(fit[p.name] if p.name in named else p for p in after.parameters))
 
@@ -78,13 +78,13 @@ def _beside(fit: Fit, start: Nonparametric, held: Collection[str] = ()) -> Probl
     return problem_near(fit, fit.model.with_effect(start.begun()), fixed=tuple(held))
 
 
-def _worth(fit: Fit, than: Fit) -> float:
+def _log_bayes_factor(fit: Fit, than: Fit) -> float:
     """Gain in log-likelihood over a simpler fit, less 1/2 log(samples) for each added parameter (Schwarz)."""
     more = sum(fit.model.names[place] not in than.model.names for place in fit.free)
     return fit.log_likelihood - than.log_likelihood - 0.5 * more * float(np.log(fit.samples))
 
 
-def _surely_better(less: Fit, start: Nonparametric, rest: Log, before: Array) -> float:
+def _significance(less: Fit, start: Nonparametric, rest: Log, before: Array) -> float:
     """Gain in multi-step prediction on the rest of a log by one more effect, divided by its standard error.
 
     Args:
@@ -96,8 +96,12 @@ def _surely_better(less: Fit, start: Nonparametric, rest: Log, before: Array) ->
     problem = _beside(less, start)
     begun = problem.begun(less)
     values, _ = problem.unpack(begun.point)
-    surely = _sigmas(before, problem.model.with_values(values), rest)
-    return surely if surely < -SURELY else _sigmas(before, fitted_from(less, problem, begun=begun).model, rest)
+    significance = _sigmas(before, problem.model.with_values(values), rest)
+    return (
+        significance
+        if significance < -SIGNIFICANT
+        else _sigmas(before, fitted_from(less, problem, begun=begun).model, rest)
+    )
 
 
 def _sigmas(before: Array, model: ServoModel, rest: Log) -> float:

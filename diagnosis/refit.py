@@ -98,7 +98,7 @@ def is_plausible(fit: Fit, name: str) -> bool:
     time = np.concatenate([run.time[run.valid] for run in fit.log.runs])
     gone = np.cumsum(np.abs(np.diff(angles, prepend=angles[0])))
 
-    def ways(instant: float) -> tuple[float, float]:
+    def travelled(instant: float) -> tuple[float, float]:
         before = float(np.interp(instant, time, gone))
         return before, float(gone[-1]) - before
 
@@ -109,12 +109,12 @@ def is_plausible(fit: Fit, name: str) -> bool:
         duration=max(float(run.time[-1] - run.time[0]) for run in fit.log.runs),
         inertia=fit.model.inertia,
         turn=turn_of(fit.model.axis),
-        ways=ways,
+        travelled=travelled,
     )
-    return any(each.plausible(covered) for each in (effect, *_as_likely(fit, effect)))
+    return any(each.plausible(covered) for each in (effect, *_equally_likely(fit, effect)))
 
 
-def _as_likely(fit: Fit, effect: Effect) -> Iterator[Effect]:
+def _equally_likely(fit: Fit, effect: Effect) -> Iterator[Effect]:
     """The effect with one parameter at a time two standard errors lower or higher.
 
     Empty for a flexible drivetrain: in doubt it is a lag, so the log has to show its resonance.

@@ -33,10 +33,10 @@ def rejected(
         named: effects that are reported as a cause or a minor effect.
         falsified: for each effect that is ruled out, the reason.
     """
-    asked = sorted((name for name in effects if name not in named), key=lambda name: -posterior.of(name))
+    candidates = sorted((name for name in effects if name not in named), key=lambda name: -posterior.of(name))
     return tuple(
         Rejected(effect=name, reason=_no_more(name, named) or _reason(base, posterior, effects[name], falsified))
-        for name in asked
+        for name in candidates
     )
 
 
@@ -62,9 +62,9 @@ def _reason(base: Fit, posterior: Posterior, kind: type[Effect], falsified: Mapp
 def _behind(posterior: Posterior, holder: Explanation, name: str) -> str:
     """Why the best set with an effect is not the reported one."""
     less = next((each for each in posterior.sets if each.names == holder.names - {name}), None)
-    worth = holder.log_marginal - (posterior.best if less is None else less).log_marginal
-    if worth < 0.0:
-        return f"it costs more than it explains (log Bayes factor {worth:.1f})"
+    log_bayes_factor = holder.log_marginal - (posterior.best if less is None else less).log_marginal
+    if log_bayes_factor < 0.0:
+        return f"it costs more than it explains (log Bayes factor {log_bayes_factor:.1f})"
     behind = posterior.best.log_marginal - holder.log_marginal
     others = joined_words([title_of(other) for other in sorted(posterior.best.names - holder.names)])
     if posterior.probability(name) > LIKELY:

@@ -18,10 +18,10 @@ from identification.noise import colour
 from identification.run import Run
 from plant.effects.effect import Array
 
-_ALIKE = 0.01  # largest rms difference of the commands of repeated runs, as a share of the rms command
+_SAME_COMMAND = 0.01  # largest rms difference of the commands of repeated runs, as a share of the rms command
 _SHIFTS = 40  # number of shifts of one run against the other, to estimate the correlation by chance
 _SIGNIFICANT = 4.0  # standard deviations of the correlation by chance
-_WORTH_SAYING = 0.05  # least relevant share of the variance
+_RELEVANT = 0.05  # least relevant share of the variance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Repeats:
     @property
     def deterministic(self) -> bool:
         """Whether the common share is significant and relevant."""
-        return self.share > max(_SIGNIFICANT * self.chance, _WORTH_SAYING)
+        return self.share > max(_SIGNIFICANT * self.chance, _RELEVANT)
 
     def __str__(self) -> str:
         """One sentence."""
@@ -66,7 +66,7 @@ def _same_command(a: Run, b: Run) -> bool:
     same_loop = all(
         np.allclose(getattr(a, law)[:count], getattr(b, law)[:count]) for law in ("servo_gain", "servo_damping")
     )
-    return bool(same_loop and np.std(a.command) > 0.0 and apart <= _ALIKE * level)
+    return bool(same_loop and np.std(a.command) > 0.0 and apart <= _SAME_COMMAND * level)
 
 
 def repeats(fit: Fit) -> Repeats | None:
@@ -80,11 +80,11 @@ def repeats(fit: Fit) -> Repeats | None:
         return None
     ends = np.cumsum([len(run) for run in fit.log.runs])
     pieces = np.split(fit.innovations, ends[:-1])  # zero where masked
-    ways = [pieces]
+    error_sets = [pieces]
     if fit.log.colour:
         errors = [colour(piece, np.array(fit.log.colour)) for piece in pieces]
-        ways.append([np.where(run.valid, error, 0.0) for run, error in zip(fit.log.runs, errors, strict=True)])
-    found = [shares for way in ways if (shares := _shares(way, pairs)) is not None]
+        error_sets.append([np.where(run.valid, error, 0.0) for run, error in zip(fit.log.runs, errors, strict=True)])
+    found = [shares for way in error_sets if (shares := _shares(way, pairs)) is not None]
     if not found:
         return None
     share, chance = max(found, key=lambda shares: shares[0] - _SIGNIFICANT * shares[1])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.holdout import restart_window, squared_errors
-from diagnosis.levels import HARDLY_EVER, TWICE
+from diagnosis.levels import DECISIVE, TWICE
 from diagnosis.refit import fitted_to
 from identification.fit_result import Fit
 from identification.log import Log
@@ -59,7 +59,7 @@ def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = Non
         return None  # another motion may have up to twice the error
     worst = int(np.argmax(validated))
     logs = (np.log(np.maximum(each, np.finfo(float).tiny)) for each in (fitted, validated))
-    if _by_chance(*logs) > np.exp(-HARDLY_EVER):
+    if _by_chance(*logs) > np.exp(-DECISIVE):
         return None
     run, first, _ = parts[worst]
     last = min(first + round(window / run.sample_time), len(run)) - 1

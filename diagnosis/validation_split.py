@@ -38,8 +38,8 @@ def parts(log: Log, held_out: Log | None) -> tuple[Log, Log, list[str]]:
             [f"The load stands still in that part, so another part is used for validation. {sentence}"],
         )
     still = [run.label for run in held_out.runs if run not in moving]
-    said = [f"The held-out part stands still in {', '.join(still)}, which is left out."] if still else []
-    return log, replace(held_out, runs=moving), said
+    notes = [f"The held-out part stands still in {', '.join(still)}, which is left out."] if still else []
+    return log, replace(held_out, runs=moving), notes
 
 
 def fitted_too(log: Log, held_out: Log) -> str | None:

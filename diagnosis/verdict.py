@@ -19,7 +19,7 @@ from diagnosis.result import LISTED, Verdict
 from plant.effects import catalogue
 from plant.effects.nonparametric import unnamed
 
-_CARRIES = 0.8  # share of the largest gain by one variable, from which another variable is reported too
+_NEAR_LARGEST = 0.8  # share of the largest gain by one variable, from which another variable is reported too
 _CONSTANT = "nothing"  # variable of a constant torque
 
 
@@ -56,18 +56,20 @@ def judged(
     beside = posterior.best.discrepancy.posterior
     probable = {name: p for name, p in posterior.names().items() if p > LIKELY}
     fitted = frozenset[str]().union(*(each.names for each in posterior.sets))
-    told = {name: posterior.probability(name) for name in posterior.names() if name in fitted}
+    probabilities = {name: posterior.probability(name) for name in posterior.names() if name in fitted}
     among = None if ruled_out is None else frozenset[str]().union(*map(special_cases, ruled_out))
-    causes = {name: p for name, p in told.items() if p > LIKELY and (among is None or name in among)}
+    causes = {name: p for name, p in probabilities.items() if p > LIKELY and (among is None or name in among)}
     if causes and among is None:
-        causes |= {name: told[name] for name in posterior.leading if name in told}
-    instead = posterior.nameless() > LIKELY
+        causes |= {name: probabilities[name] for name in posterior.leading if name in probabilities}
+    instead = posterior.nonparametric() > LIKELY
     left = beside.something > SURE or missing.excess > 1.0 - SURE or shows or instead
-    small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others replace a ruled-out effect
+    small = {
+        name: probabilities[name] for name in probable if probabilities[name] <= LIKELY
+    }  # the others replace a ruled-out effect
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
     more = left or bool(minor) or ruled_out is not None
-    doubtful = any(map(in_doubt, minor.values())) or posterior.complete({*causes, *minor}) <= LIKELY
-    verdict = _verdict(posterior, causes, more=more, in_doubt=doubtful)
+    doubtful = any(map(is_uncertain, minor.values())) or posterior.complete({*causes, *minor}) <= LIKELY
+    verdict = _verdict(posterior, causes, more=more, uncertain=doubtful)
     if verdict == "ambiguous" and not causes:
         causes = _leading(posterior)
     return Judgement(
@@ -108,8 +110,8 @@ def _carrying(discrepancy: Discrepancy) -> tuple[str, ...]:
         if more[further] < 1.0 - SURE:
             break
         needed.append(further)
-    alike = (variable for variable in ranked if alone[variable] >= _CARRIES * alone[ranked[0]])
-    return tuple(dict.fromkeys((*alike, *needed)))
+    nearly_as_good = (variable for variable in ranked if alone[variable] >= _NEAR_LARGEST * alone[ranked[0]])
+    return tuple(dict.fromkeys((*nearly_as_good, *needed)))
 
 
 def alternatives(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
@@ -124,9 +126,9 @@ def alternatives(posterior: Posterior, name: str) -> tuple[tuple[str, float], ..
         found = beside if name in names else instead
         for other in names.difference(posterior.best.names, unnamed):
             found[other] = found.get(other, 0.0) + p
-    told = posterior.probability(name)
-    alike = {n: p for n, p in instead.items() if p * told > beside.get(n, 0.0) * (1.0 - told)}
-    return tuple(sorted(((n, p) for n, p in alike.items() if p >= LISTED), key=lambda item: -item[1]))
+    probability = posterior.probability(name)
+    competing = {n: p for n, p in instead.items() if p * probability > beside.get(n, 0.0) * (1.0 - probability)}
+    return tuple(sorted(((n, p) for n, p in competing.items() if p >= LISTED), key=lambda item: -item[1]))
 
 
 def log_bayes(posterior: Posterior, name: str) -> float:
@@ -143,17 +145,17 @@ def of_the_measurement(name: str) -> bool:
     return name in catalogue and bool(catalogue[name].measured)
 
 
-def in_doubt(probability: float) -> bool:
+def is_uncertain(probability: float) -> bool:
     """Whether a probability is neither low nor high: between 0.1 and 0.9."""
     return 1.0 - SURE < probability <= SURE
 
 
-def _verdict(posterior: Posterior, causes: Mapping[str, float], *, more: bool, in_doubt: bool) -> Verdict:
-    if posterior.nameless() > SURE:
+def _verdict(posterior: Posterior, causes: Mapping[str, float], *, more: bool, uncertain: bool) -> Verdict:
+    if posterior.nonparametric() > SURE:
         return "unknown"
     of_the_machine = [name for name in causes if not of_the_measurement(name)]
     if causes and (of_the_machine or not more):
-        return "named" if all(p > SURE for p in causes.values()) and not in_doubt else "ambiguous"
+        return "named" if all(p > SURE for p in causes.values()) and not uncertain else "ambiguous"
     if more:
         return "unknown"
     nothing = posterior.reported.get(frozenset(), 0.0)
@@ -162,6 +164,8 @@ def _verdict(posterior: Posterior, causes: Mapping[str, float], *, more: bool, i
 
 def _leading(posterior: Posterior) -> dict[str, float]:
     """The effect with the highest probability."""
-    told = {name: posterior.probability(name) for each in posterior.sets for name in each.names.difference(unnamed)}
-    best = max(told, key=lambda name: told[name])
-    return {best: told[best]}
+    probabilities = {
+        name: posterior.probability(name) for each in posterior.sets for name in each.names.difference(unnamed)
+    }
+    best = max(probabilities, key=lambda name: probabilities[name])
+    return {best: probabilities[best]}

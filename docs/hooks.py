@@ -94,9 +94,9 @@ def effect(kind: type[Effect]) -> str:
     near = [
         (catalogue[name], collinear_share(kind, catalogue[name])) for name in kind.confused_with if name in catalogue
     ]
-    said = [f"[{k.title}](#{k.name})" + (f" ({percent(share)})" if share is not None else "") for k, share in near]
-    if said:
-        lines.append(f"Confused with, and how much of the rest that could absorb: {', '.join(said)}.")
+    links = [f"[{k.title}](#{k.name})" + (f" ({percent(share)})" if share is not None else "") for k, share in near]
+    if links:
+        lines.append(f"Confused with, and how much of the rest that could absorb: {', '.join(links)}.")
     return "\n\n".join(lines)
 
 
@@ -177,8 +177,8 @@ def front_door() -> str:
     text = inspect.cleandoc(antidrive.__doc__ or "")
     rows = ["| name | what it is | from |", "|---|---|---|"]
     for name, home in antidrive.HOMES.items():
-        told = getattr(antidrive, name)
-        first = (inspect.getdoc(told) or "").split("\n")[0] if callable(told) else "Every effect by its name."
+        exported = getattr(antidrive, name)
+        first = (inspect.getdoc(exported) or "").split("\n")[0] if callable(exported) else "Every effect by its name."
         package = home.split(".")[0]
         link = f"[{package}]({package}.md)" if package in PACKAGES else package
         rows.append(f"| `ad.{name}` | {first.replace('|', ', ')} | {link} |")
@@ -192,8 +192,8 @@ def commands() -> str:
     parts = ["# Commands", f"Exit code {codes}"]
     for command in app.registered_commands:
         name = command.name or command.callback.__name__  # type: ignore[union-attr]
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said):
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output):
             main([name, "--help"])
-        parts += [f"## antidrive {name}", f"```text\n{said.getvalue().strip()}\n```"]
+        parts += [f"## antidrive {name}", f"```text\n{output.getvalue().strip()}\n```"]
     return "\n\n".join(parts)

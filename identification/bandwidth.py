@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 
-def neighbours(bandwidth: float) -> tuple[float, float]:
+def adjacent(bandwidth: float) -> tuple[float, float]:
     """Twice and half of a bandwidth."""
     return 2.0 * bandwidth, 0.5 * bandwidth
 

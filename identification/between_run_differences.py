@@ -54,8 +54,8 @@ class _Run:
 
     def scatters(self, row: int) -> bool:
         """Whether more than one block determines a row; otherwise its scatter is unknown."""
-        said = self.information[:, row, row]
-        return bool(said.max() < _ALONE * said.sum())
+        information = self.information[:, row, row]
+        return bool(information.max() < _ALONE * information.sum())
 
 
 def between_run_differences(fit: Fit) -> str | None:
@@ -69,16 +69,16 @@ def between_run_differences(fit: Fit) -> str | None:
     if not all(np.isfinite(run.information).all() and np.isfinite(run.scores).all() for run in runs):
         return None
     lines = [fit[fit.model.names[place]] for place in fit.free]
-    asked = [row for row, line in enumerate(lines) if line.value is not None and not line.at_bound]
-    runs = [run.about([*asked, len(lines), len(lines) + 1]) for run in runs]
+    determined = [row for row, line in enumerate(lines) if line.value is not None and not line.at_bound]
+    runs = [run.about([*determined, len(lines), len(lines) + 1]) for run in runs]
     own: list[int] = []
-    while len(own) < len(asked):
-        left = [row for row in range(len(asked)) if row not in own]
+    while len(own) < len(determined):
+        left = [row for row in range(len(determined)) if row not in own]
         chances = [_chance(runs, [*own, row]) for row in left]
         if min(chances) * len(left) > _LEVEL:
             break
         own.append(left[int(np.argmin(chances))])
-    return _sentence(fit, [lines[asked[row]].name for row in own]) if own else None
+    return _sentence(fit, [lines[determined[row]].name for row in own]) if own else None
 
 
 def _chance(runs: list[_Run], own: list[int]) -> float:
@@ -102,8 +102,8 @@ def _chance(runs: list[_Run], own: list[int]) -> float:
             weight = np.eye(mine.size) - (block / size_of) @ inverse[np.ix_(mine, mine)]
             moved = inverse[np.ix_(np.array(last), mine)] @ np.linalg.lstsq(weight, left, rcond=1e-9)[0] / scale[last]
             spread += np.outer(moved, moved)
-    asked = np.flatnonzero([run.scatters(own[-1]) for run in runs])
-    return _welch(step[last][asked], spread[np.ix_(asked, asked)])
+    scattering = np.flatnonzero([run.scatters(own[-1]) for run in runs])
+    return _welch(step[last][scattering], spread[np.ix_(scattering, scattering)])
 
 
 def _welch(values: Array, covariance: Array) -> float:
@@ -125,23 +125,23 @@ def _sentence(fit: Fit, names: list[str]) -> str:
     apart = PerRun.of(fit, names)
     point = apart.minimise(apart.begun(fit), fit.bandwidth).point
     values, spread = apart.values(point), apart.covariance(point, fit.bandwidth)
-    told = []
+    differing = []
     for column, name in enumerate(names):
         at = [int(apart.places(run)[apart.own[column]]) for run in range(len(fit.log.runs))]
         std = np.sqrt(np.diag(spread)[at])
-        sure = np.flatnonzero(np.isfinite(std))
-        if sure.size < 2:
-            told.append(name)
+        finite = np.flatnonzero(np.isfinite(std))
+        if finite.size < 2:
+            differing.append(name)
             continue
-        low, high = (sure[int(pick(values[sure, column]))] for pick in (np.argmin, np.argmax))
+        low, high = (finite[int(pick(values[finite, column]))] for pick in (np.argmin, np.argmax))
         errors = (values[high, column] - values[low, column]) / float(np.hypot(std[low], std[high]))
         has = [f"{fit.log.runs[run].label} {values[run, column]:.4g} +- {std[run]:.2g}" for run in (low, high)]
-        told.append(f"{name} ({has[0]}, {has[1]} {fit[name].unit}, {errors:.3g} standard errors apart)")
+        differing.append(f"{name} ({has[0]}, {has[1]} {fit[name].unit}, {errors:.3g} standard errors apart)")
     listed = ", ".join(f"'{name}'" for name in names) + "," * (len(names) == 1)
     payload = "a payload per run (columns payload_mass and payload_radius, or payload_inertia), or "
     way = f"antidrive identify --per-run {','.join(names)} (in Python fit(log, per_run=({listed})))"
     return (
-        f"The runs disagree about {' and '.join(told)}: "
+        f"The runs disagree about {' and '.join(differing)}: "
         f"{payload if {'inertia', 'gravity'} & set(names) else ''}{way} lets {'it' if len(names) == 1 else 'them'} "
         "differ from run to run."
     )

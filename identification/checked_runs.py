@@ -16,7 +16,7 @@ from identification.run import Run
 from identification.run_parameters import payload_of
 from identification.threads import without_blas_threads
 
-_TOLD = 3  # findings of one kind that are listed one by one
+_LISTED = 3  # findings of one kind that are listed one by one
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,9 +55,9 @@ def checked_runs(recordings: Iterable[Recording]) -> Checked:
     usable, findings = cut_standstill(usable, findings)
     return Checked(
         runs=tuple(Run.from_recording(recording, _zero(usable), payload_of(recording)) for recording in usable),
-        warnings=_told(finding for finding in findings if not finding.repaired and not finding.unusable),
-        faults=_told(finding for finding in findings if finding.unusable),
-        repairs=_told(finding for finding in findings if finding.repaired),
+        warnings=_texts(finding for finding in findings if not finding.repaired and not finding.unusable),
+        faults=_texts(finding for finding in findings if finding.unusable),
+        repairs=_texts(finding for finding in findings if finding.repaired),
     )
 
 
@@ -71,13 +71,13 @@ def _zero(recordings: Sequence[Recording]) -> float:
     return first if abs(first) > last - first else 0.0
 
 
-def _told(findings: Iterable[Finding]) -> tuple[str, ...]:
+def _texts(findings: Iterable[Finding]) -> tuple[str, ...]:
     """One sentence per finding; of many findings of one kind only the first and the number of the others."""
     kinds: dict[str, list[str]] = defaultdict(list)
     for finding in findings:
         kinds[finding.kind].append(finding.text)
-    told = []
+    texts_shown = []
     for texts in kinds.values():
-        many = len(texts) > _TOLD
-        told += [f"{texts[0]}; and the like in {len(texts) - 1} further runs"] if many else texts
-    return tuple(told)
+        many = len(texts) > _LISTED
+        texts_shown += [f"{texts[0]}; and the like in {len(texts) - 1} further runs"] if many else texts
+    return tuple(texts_shown)

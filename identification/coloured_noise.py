@@ -27,7 +27,7 @@ from identification.noise import ORDER, autoregression, log_likelihood
 from identification.problem import Problem
 
 _CLEARLY = 10.0  # rise of the log-likelihood from which coloured noise is accepted
-_WORTH = 0.05  # the same per sample with an observer: the innovations get smaller by a twentieth
+_LEAST_GAIN = 0.05  # the same per sample with an observer: the innovations get smaller by a twentieth
 _SLOWER = 3.0  # ratio of the bandwidths of successive observers
 _SLOWEST = 0.01  # of the best observer bandwidth: a slower observer is nearly a free simulation
 
@@ -44,8 +44,8 @@ def with_coloured_noise(fit: Fit, *, of_the_sensor: bool = False) -> Fit:
     """
     usable = (coloured for coloured in _coloured(fit) if coloured.failed is None)
     found = max(usable, key=lambda coloured: coloured.log_likelihood, default=fit)
-    likely = found.log_likelihood > fit.log_likelihood + _CLEARLY
-    if not likely or (of_the_sensor and found.log_likelihood < by_regression(fit.log)):
+    better = found.log_likelihood > fit.log_likelihood + _CLEARLY
+    if not better or (of_the_sensor and found.log_likelihood < by_regression(fit.log)):
         return fit
     return found
 
@@ -55,21 +55,21 @@ def by_regression(log: Log) -> float:
 
     (Ljung 1999, section 4.2: ARX; Schwarz 1978.)
     """
-    told, before = [], []
+    targets, before = [], []
     for run in log.runs:
         if len(run) > ORDER:
             windows = [sliding_window_view(values, ORDER + 1) for values in (run.measured, run.command)]
             seen = sliding_window_view(run.valid, ORDER + 1).all(axis=1)
-            told.append(windows[0][seen, -1])
+            targets.append(windows[0][seen, -1])
             before.append(np.hstack([window[seen, :-1] for window in windows]))
-    if not told:
+    if not targets:
         return -np.inf
-    readings, columns = np.concatenate(told), np.vstack(before)
-    columns = np.column_stack((columns, np.ones(readings.size)))
+    measurements, columns = np.concatenate(targets), np.vstack(before)
+    columns = np.column_stack((columns, np.ones(measurements.size)))
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)  # whatever their units
-    slopes = np.linalg.lstsq(columns, readings, rcond=None)[0]
+    slopes = np.linalg.lstsq(columns, measurements, rcond=None)[0]
     samples = sum(int(run.valid.sum()) for run in log.runs)
-    cost = float(np.sum((readings - columns @ slopes) ** 2)) * samples / max(readings.size, 1)
+    cost = float(np.sum((measurements - columns @ slopes) ** 2)) * samples / max(measurements.size, 1)
     return log_likelihood(cost, samples) - 0.5 * slopes.size * float(np.log(samples))
 
 
@@ -81,7 +81,7 @@ def _coloured(fit: Fit) -> Iterator[Fit]:
         coloured = problem.recoloured(free, fit.log_likelihood)
         if coloured is not None:
             yield coloured
-    bandwidth, least = fit.bandwidth / _SLOWER, fit.log_likelihood + _WORTH * fit.samples
+    bandwidth, least = fit.bandwidth / _SLOWER, fit.log_likelihood + _LEAST_GAIN * fit.samples
     while fit.bandwidth * _SLOWEST < bandwidth:
         coloured = problem.recoloured(replace(fit, bandwidth=bandwidth), least)
         if coloured is not None and fit.log.sample_time < coloured.noise_memory < 1.0 / bandwidth:

@@ -73,8 +73,12 @@ def fit(
         found = _polished(found)
     if per_run and len(log.runs) > 1:
         return fit_apart(found, tuple(dict.fromkeys(per_run)))
-    said = between_run_differences(found)
-    return found if said is None else replace(found, log=replace(found.log, warnings=(*found.log.warnings, said)))
+    differences = between_run_differences(found)
+    return (
+        found
+        if differences is None
+        else replace(found, log=replace(found.log, warnings=(*found.log.warnings, differences)))
+    )
 
 
 def _polished(fit: Fit) -> Fit:

@@ -134,9 +134,9 @@ class Fit(Presented):
             return "the iteration stopped before it converged. Start from a model near the machine: --base MODEL.json."
         free = [line for line in self.parameters if not line.fixed]
         undetermined = any(line.value is None for line in free)  # then a value at its bound means nothing
-        told = [line.value is not None and not (line.at_bound and undetermined) for line in free]
+        determined = [line.value is not None and not (line.at_bound and undetermined) for line in free]
         moves = [(run.output - run.output[run.valid].mean())[run.valid] for run in self.log.runs]
-        if any(told) or not told or np.std(np.concatenate(moves)) <= 2.0 * self.noise_std:
+        if any(determined) or not determined or np.std(np.concatenate(moves)) <= 2.0 * self.noise_std:
             return None
         return (
             "its parameters do not change how well the motion is explained. "
@@ -189,7 +189,7 @@ def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
     if fit.failed is not None:
         lines += [f"  The fit failed: {fit.failed}", ""]
     lines += [f"  {p.name:<{width}}  {_value(p, fit.failed is not None)}" for p in fit.parameters]
-    lines += [f"  {line}" for line in _said_before(fit)]
+    lines += [f"  {line}" for line in _prior_lines(fit)]
     pairs = correlations(fit, correlated)
     if pairs:
         lines += ["", f"  correlations above {correlated:g}"]
@@ -207,7 +207,7 @@ def _value(p: FittedParameter, failed: bool) -> str:
     return f"{p.value:.6g} +- {p.std:.2g} {printed(p.unit)}{share}  from {p.start:.4g}{bound}"
 
 
-def _said_before(fit: Fit) -> list[str]:
+def _prior_lines(fit: Fit) -> list[str]:
     """One line for each prior and for each pair of bounds that the user gave."""
     units = {p.name: printed(p.unit) for p in fit.parameters}
     priors = [f"prior of {n}: {m:g} +- {s:g} {units[n]}" for n, (m, s) in fit.known.prior.items() if n in units]
@@ -230,7 +230,7 @@ def correlations(fit: Fit, above: float) -> list[tuple[str, str, float]]:
 
 def fit_to_dict(fit: Fit) -> dict[str, Any]:
     """The content of fit.json."""
-    said = {"bounds": fit.known.bounds, "prior": fit.known.prior}
+    given = {"bounds": fit.known.bounds, "prior": fit.known.prior}
     return {
         "schema": 1,
         "parameters": {
@@ -242,7 +242,7 @@ def fit_to_dict(fit: Fit) -> dict[str, Any]:
                 "fixed": p.fixed,
                 "at_bound": p.at_bound,
                 "identifiable": p.value is not None,
-                **{what: pairs[p.name] for what, pairs in said.items() if p.name in pairs},
+                **{what: pairs[p.name] for what, pairs in given.items() if p.name in pairs},
             }
             for p in fit.parameters
         },

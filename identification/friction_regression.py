@@ -16,7 +16,7 @@ from plant.effects.effect import Array
 
 _HUBER = 1.345  # standard deviations beyond which a window counts less: 95 % efficient on Gaussian noise
 _SCALES = np.geomspace(0.01, 0.5, 12)  # Stribeck velocities that are tried, relative to the top speed
-_TOLD = 5.0  # times its error: change of the velocity in windows from which an inertia is estimated
+_SIGNIFICANT = 5.0  # times its error: change of the velocity in windows from which an inertia is estimated
 _SEEN = 0.1  # least fraction of the Stribeck friction that some window must show: below it, it is extrapolated
 _STEPS = 20  # iterations that refine the Stribeck velocity
 
@@ -57,10 +57,10 @@ def candidates(rows: dict[str, Array], one_way: bool, rotary: bool) -> Iterable[
     always = {"coulomb": np.sign(v), "viscous": v}
     if not one_way:
         always["offset"] = np.ones_like(v)
-    told = np.std(rows["change"]) > _TOLD * np.sqrt(2.0) * np.median(rows["velocity_error"])
+    with_inertia = np.std(rows["change"]) > _SIGNIFICANT * np.sqrt(2.0) * np.median(rows["velocity_error"])
     scales = [0.0, *(_SCALES * np.max(np.abs(v)))]
     for inertia, gravity, scale in product(
-        (False, True) if told else (False,), (False, True) if rotary else (False,), scales
+        (False, True) if with_inertia else (False,), (False, True) if rotary else (False,), scales
     ):
         columns = dict(always)
         if inertia:

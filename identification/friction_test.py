@@ -30,7 +30,7 @@ _GROUPS = 24  # groups of windows over the whole range of velocities
 _WIDTH = 0.2  # of its speed: largest width of a group
 _MOST = (0.02, 0.98)  # quantiles of the speeds that must be further apart than
 _APART = 6.0  # standard errors
-_SURELY = 3.0  # standard errors from which friction is visible, or negative
+_SIGNIFICANT = 3.0  # standard errors from which friction is visible, or negative
 _MEANINGS = {
     "coulomb": "Coulomb friction F_c",
     "viscous": "Viscous friction K",
@@ -80,7 +80,7 @@ class FrictionTest(Presented):
     @property
     def negative(self) -> bool:
         """Whether Coulomb or viscous friction is negative beyond its error, as if friction drove the load."""
-        return any(self.values[name] < -_SURELY * self.std[name] for name in ("coulomb", "viscous"))
+        return any(self.values[name] < -_SIGNIFICANT * self.std[name] for name in ("coulomb", "viscous"))
 
     @property
     def model(self) -> ServoModel | None:
@@ -130,7 +130,7 @@ class FrictionTest(Presented):
                 lines.append(f"{meaning}: {found[name]:.4g}{error} {self.units[name]}{more}")
         if self.negative:
             lines.append("The friction is negative. Check that torque and angle belong together, and their signs.")
-        elif found["coulomb"] < _SURELY * self.std["coulomb"]:
+        elif found["coulomb"] < _SIGNIFICANT * self.std["coulomb"]:
             lines.append("No Coulomb friction is visible.")
         if "excess" not in found:
             slowest = float(np.min(np.abs(self.velocity)))
@@ -174,10 +174,10 @@ def friction_test(log: LogLike) -> FrictionTest:
     speed = np.abs(rows["velocity"])
     if speed.size < 2 or np.ptp(np.quantile(speed, _MOST)) <= _APART * np.median(rows["velocity_error"]):
         raise Unidentifiable("The load moves at one speed at most; record several speeds, slow and fast, both ways.")
-    told = rows["velocity"][speed > np.ptp(rows["velocity"]) / _GROUPS]
-    one_way = not (np.any(told > 0.0) and np.any(told < 0.0))
+    moving = rows["velocity"][speed > np.ptp(rows["velocity"]) / _GROUPS]
+    one_way = not (np.any(moving > 0.0) and np.any(moving < 0.0))
     if one_way:
-        rows = kept_of(rows, np.sign(rows["velocity"]) == np.sign(told[0]))
+        rows = kept_of(rows, np.sign(rows["velocity"]) == np.sign(moving[0]))
     places = _groups(rows["velocity"])
     best = refined(best_of(list(candidates(rows, one_way, log.axis == "rotary"))), rows)
     friction = rows["torque"] - sum(

@@ -177,14 +177,14 @@ def _passive(structure: Structure) -> Any:
     template = structure.model
     state, parameters = ca.SX.sym("state", len(template.states)), ca.SX.sym("parameters", len(template.names))
     row, dt, model = ca.SX.sym("row", 6), ca.SX.sym("dt"), template.bound(parameters)
-    x, v, t, torque, travel, stands = ca.vertsplit(row)
+    x, v, t, torque, travel, at_rest = ca.vertsplit(row)
     own = model.own_states(state)
     at = Moment(angle=x, velocity=v, torque=torque, time=t, travel=travel, step=dt)
     free = torque - model.load_inertia(at) * model.smooth_acceleration(at, own)
     levels = model.dry_friction(at)
     if levels is not None:
         holds = ca.fmax(ca.fmin(torque - free, levels[0]), -levels[1])
-        free += ca.if_else(stands, holds, ca.if_else(v > 0, levels[0], -levels[1]) * ca.fabs(ca.sign(v)))
+        free += ca.if_else(at_rest, holds, ca.if_else(v > 0, levels[0], -levels[1]) * ca.fabs(ca.sign(v)))
     inertia = model.inertia + sum((effect.added_inertia(at) for effect in model.effects), start=0.0)
     slid = [
         effect.slide(own[effect.name][i], travel) if kind is State.RELAXED else own[effect.name][i]
@@ -195,12 +195,12 @@ def _passive(structure: Structure) -> Any:
     return ca.Function("passive", [state, row, parameters, dt], outputs, {"cse": True})
 
 
-def _true_angle(model: ServoModel, reading: Array) -> Array:
+def _true_angle(model: ServoModel, measured: Array) -> Array:
     """(T,) true angle for a measured angle (T,) of a sensor with a small error; sensor lag is not corrected."""
     if all(effect.states or type(effect).reading is Effect.reading for effect in model.effects):
-        return reading  # no static sensor error
-    shown = _shown(Structure(model))((), reading[:, None], model.values)[1][0][:, 0]
-    return np.asarray(reading - (shown - reading))
+        return measured  # no static sensor error
+    shown = _shown(Structure(model))((), measured[:, None], model.values)[1][0][:, 0]
+    return np.asarray(measured - (shown - measured))
 
 
 @recursion(carried=0)

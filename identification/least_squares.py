@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from plant.effects.effect import Array
 
 _APART = 0.1  # least difference in log-likelihood of two distinct points
-_ALIKE = 1e-12  # relative singular value below which regressors are collinear
+_RANK_TOLERANCE = 1e-12  # relative singular value below which regressors are collinear
 _ROUNDING = 1e-8  # component of a unit vector that counts as zero
 
 
@@ -93,7 +93,9 @@ def minimise(
         # direction does not diverge.
         least = np.where(lower > 0.0, np.maximum(lower, point / 5.0), lower)
         most = np.where(lower > 0.0, np.minimum(upper, point * 5.0), upper)
-        step = _bounded_step(here, point, least, most, damping, silent=_silent(here, lower, upper, samples, tolerance))
+        step = _bounded_step(
+            here, point, least, most, damping, insensitive=_insensitive(here, lower, upper, samples, tolerance)
+        )
         promise = -(2.0 * here.gradient @ step + step @ here.information @ step)
         if 0.5 * samples * promise / here.cost < tolerance:
             converged = True
@@ -114,7 +116,9 @@ def minimise(
     return Minimum(point=point, equations=here, converged=converged, evaluations=evaluations)
 
 
-def _silent(here: NormalEquations, lower: Array, upper: Array, samples: int, tolerance: float) -> NDArray[np.bool_]:
+def _insensitive(
+    here: NormalEquations, lower: Array, upper: Array, samples: int, tolerance: float
+) -> NDArray[np.bool_]:
     """(n,) coordinates that the log does not determine here: the cost is the same from bound to bound.
 
     An example is the time of an event while the load rests. Such a coordinate is not changed: rounding would send it to
@@ -127,7 +131,7 @@ def _silent(here: NormalEquations, lower: Array, upper: Array, samples: int, tol
 
 
 def _bounded_step(
-    here: NormalEquations, point: Array, lower: Array, upper: Array, damping: float, *, silent: NDArray[np.bool_]
+    here: NormalEquations, point: Array, lower: Array, upper: Array, damping: float, *, insensitive: NDArray[np.bool_]
 ) -> Array:
     """The damped step within the bounds (active set): a coordinate that would leave is fixed at its bound.
 
@@ -139,7 +143,7 @@ def _bounded_step(
     information[np.diag_indices_from(information)] += damping
     gradient, least, most = here.gradient / scale, (lower - point) * scale, (upper - point) * scale
     step = np.zeros_like(point)  # in units in which every parameter carries the same information
-    moving = ~(silent | ((least >= 0.0) & (gradient > 0.0)) | ((most <= 0.0) & (gradient < 0.0)))
+    moving = ~(insensitive | ((least >= 0.0) & (gradient > 0.0)) | ((most <= 0.0) & (gradient < 0.0)))
     for _ in range(10 * point.size):
         if moving.any():
             pull = -(gradient + information @ np.where(moving, 0.0, step))
@@ -150,7 +154,7 @@ def _bounded_step(
                 moving &= ~outside
                 continue
         slope = gradient + information @ step
-        inward = np.where(moving | silent, 0.0, np.where(step <= least, -slope, slope))
+        inward = np.where(moving | insensitive, 0.0, np.where(step <= least, -slope, slope))
         if inward.max() <= 1e-9 * np.abs(gradient).max():
             break
         moving[int(np.argmax(inward))] = True
@@ -189,7 +193,7 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     lost = eigenvalues < 1e-12 * max(float(eigenvalues.max(initial=0.0)), 1e-300)
     inverse = (vectors[:, ~lost] / eigenvalues[~lost]) @ vectors[:, ~lost].T
-    silent = np.where(np.abs(vectors[:, lost]) > _ROUNDING, vectors[:, lost], 0.0)
+    null_vectors = np.where(np.abs(vectors[:, lost]) > _ROUNDING, vectors[:, lost], 0.0)
     size = np.outer(scale, scale)
     power, along = np.linalg.eigh(coloured / size)
     half = inverse @ (along * np.sqrt(np.maximum(power, 0.0)))  # its square has no negative variance
@@ -199,7 +203,7 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
         covariance=covariance,
         white=white,
         undetermined=(np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0),
-        null_projection=silent @ silent.T * np.outer(1.0 / scale, scale),
+        null_projection=null_vectors @ null_vectors.T * np.outer(1.0 / scale, scale),
     )
 
 
@@ -217,14 +221,14 @@ def bounded_least_squares(information: Array, pull: Array, positive: tuple[bool,
     # The products of a regressor that is only rounding can violate the Cauchy-Schwarz inequality.
     size = np.sqrt(np.maximum(np.diag(information), 1e-280))
     scaled = np.clip(information / size / size[:, None], -1.0, 1.0)
-    target, marked = np.where(np.diag(information) > 1e-280, pull / size, 0.0), np.flatnonzero(positive)
+    target, signed = np.where(np.diag(information) > 1e-280, pull / size, 0.0), np.flatnonzero(positive)
     best, most = np.zeros(size.size), -np.inf
-    for zeros in chain.from_iterable(combinations(marked, count) for count in range(marked.size + 1)):
+    for zeros in chain.from_iterable(combinations(signed, count) for count in range(signed.size + 1)):
         kept = [place for place in range(size.size) if place not in zeros]
         found = np.zeros(size.size)
-        found[kept] = np.linalg.lstsq(scaled[np.ix_(kept, kept)], target[kept], rcond=_ALIKE)[0]
+        found[kept] = np.linalg.lstsq(scaled[np.ix_(kept, kept)], target[kept], rcond=_RANK_TOLERANCE)[0]
         explained = float(found @ target)
-        if np.all(found[marked] >= 0.0) and explained > most:
+        if np.all(found[signed] >= 0.0) and explained > most:
             best, most = found, explained
         if not zeros and np.isfinite(most):
             break

@@ -159,7 +159,7 @@ class Objective:
         return NormalEquations(cost=loss * found.cost, gradient=loss * gradient, information=loss * information)
 
 
-def _within(own: tuple[float, float], said: tuple[float, float]) -> tuple[float, float]:
-    """The user's bounds `said`, clipped to the parameter's bounds `own` on the log; unchanged if nothing is left."""
-    lower, upper = np.clip(said, *own)
-    return (float(lower), float(upper)) if lower < upper else said
+def _within(own: tuple[float, float], given: tuple[float, float]) -> tuple[float, float]:
+    """The user's bounds `given`, clipped to the parameter's bounds `own` on the log; unchanged if nothing is left."""
+    lower, upper = np.clip(given, *own)
+    return (float(lower), float(upper)) if lower < upper else given

@@ -44,7 +44,7 @@ _TO_THE_NEXT = -1  # delay of a measured torque in samples: it is interpolated f
 FADING = 0.15
 """Rate at which sensitivities that grow without bound are damped [1/sample]."""
 
-OUTGROWN = 1e3
+DIVERGED = 1e3
 """Growth of an initial error beyond which all sensitivities are nearly parallel, and the rest is rounding."""
 
 HELD = 0.5 * FADING

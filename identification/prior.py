@@ -17,7 +17,7 @@ from plant.effects.effect import Array
 from plant.effects.nonparametric_curve import Curve
 from plant.servo import ServoModel
 
-_BENT = 0.1  # variance of a knot independent of its neighbours, over the variance of all knots
+_KNOT_VARIANCE = 0.1  # variance of a knot independent of its neighbours, over the variance of all knots
 
 
 def natural_scales(log: Log) -> dict[str, float]:
@@ -65,5 +65,5 @@ def _smoothness(log: Log, model: ServoModel, free: tuple[int, ...], rows: dict[s
         at = [rows[name] for name in names if name in rows and name not in curve.shape()]
         if len(at) == len(curve.prior):
             size = scales.get(model.quantities[free[at[0]]]) or 1.0
-            known[np.ix_(at, at)] = np.linalg.inv(curve.prior + _BENT * np.eye(len(at))) / size**2
+            known[np.ix_(at, at)] = np.linalg.inv(curve.prior + _KNOT_VARIANCE * np.eye(len(at))) / size**2
     return known

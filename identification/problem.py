@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.bandwidth import between, neighbours, parabola_top
+from identification.bandwidth import adjacent, between, parabola_top
 from identification.fit_result import Fit
 from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
-from identification.predictor import HELD, OUTGROWN, measured_state
+from identification.predictor import DIVERGED, HELD, measured_state
 from identification.regression import starting_values
 from identification.standard_errors import divergent_fit, fit_with_errors
 from plant.effects.effect import Array
@@ -27,7 +27,7 @@ from plant.effects.effect import Array
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
 _COLOURINGS = 3  # iterations between the colour of the errors and the fit
 _PARTS, _PART = 10, 5000  # parts of a long log, and samples of each, for the starting values
-_PATIENT = 200  # most iterations of the final minimisation
+_MOST_ITERATIONS = 200  # most iterations of the final minimisation
 _POLISH = 1e-8  # gain in log-likelihood below which the refinement stops
 _HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit can recover
 
@@ -109,7 +109,7 @@ class Problem(Objective):
             return False
         runs = self.log.runs
         grown = np.diag(minimum.equations.information)[-2 * len(runs) :][measured_state(self.log.response) :: 2]
-        most = OUTGROWN**2 * np.array([len(run) for run in runs])
+        most = DIVERGED**2 * np.array([len(run) for run in runs])
         return self.model.chaotic or bool((grown <= most).all())
 
     def widths(self) -> list[float]:
@@ -278,7 +278,7 @@ class Problem(Objective):
         fastest = 1.0 / self.log.runs[0].sample_time
         for _ in range(_BRACKETS):
             top = best()
-            missing = [b for b in neighbours(top) if top and b <= fastest and not between(trials, top, b)]
+            missing = [b for b in adjacent(top) if top and b <= fastest and not between(trials, top, b)]
             if not missing:
                 break
             for bandwidth in missing:
@@ -295,7 +295,7 @@ class Problem(Objective):
         """The minimum with exact friction, iterated until it converges."""
         if minimum.converged:
             return minimum
-        return self.minimise(minimum.point, bandwidth, 0.0, iterations=_PATIENT, at_start=minimum.equations)
+        return self.minimise(minimum.point, bandwidth, 0.0, iterations=_MOST_ITERATIONS, at_start=minimum.equations)
 
 
 def _parts(log: Log) -> Log:

@@ -29,7 +29,7 @@ _FEWEST = 30  # samples that the low pass needs
 _BESIDE = (3, 4, 5)  # columns that take up what the base model lacks: friction, an offset, gravity of another zero
 _TORQUE, _SLOPE = 6, 7  # columns of the torque and of its slope
 _ZONES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # half widths of a dead zone, of the largest torque
-_ALIKE = 0.02  # of the torque: two starts that differ by less are the same
+_SAME_TORQUE = 0.02  # of the torque: two starts that differ by less are the same
 _BETTER = 1e-6  # of the sum of squares: least improvement for which a wider dead zone is accepted
 
 
@@ -45,7 +45,7 @@ def starting_values(log: Log, model: ServoModel) -> list[Array]:
     log = replace(log, runs=runs)
     found: list[Array] = []
     for values in [v for starts in in_threads(lambda c: _at_cutoff(log, model, c), _cutoffs(log)) for v in starts]:
-        if not any(_alike(log, values, other) for other in found):
+        if not any(_same_start(log, values, other) for other in found):
             found.append(values)
     return found
 
@@ -99,14 +99,14 @@ def _cutoffs(log: Log) -> list[float]:
     return found
 
 
-def _alike(log: Log, one: Array, other: Array) -> bool:
+def _same_start(log: Log, one: Array, other: Array) -> bool:
     """Whether the torques of two starts over a log's motion differ by a small share only."""
     speed = np.concatenate([np.gradient(run.output, run.time) for run in log.runs])
     torque = np.concatenate([run.drive for run in log.runs])
     level = float(np.sqrt(np.mean(torque**2)))
-    worth = np.ones(one.size)
-    worth[0], worth[2] = level / one[0], np.sqrt(np.mean(speed**2))
-    return bool(np.all(worth * np.abs(one - other) <= _ALIKE * level))
+    weights = np.ones(one.size)
+    weights[0], weights[2] = level / one[0], np.sqrt(np.mean(speed**2))
+    return bool(np.all(weights * np.abs(one - other) <= _SAME_TORQUE * level))
 
 
 def _solved(products: Array) -> Iterator[tuple[str, float, Array]]:

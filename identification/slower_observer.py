@@ -45,7 +45,7 @@ def behind_a_slower_observer(log: Log, model: ServoModel, known: PriorKnowledge)
     return None
 
 
-def worth_of_torque(fit: Fit) -> float:
+def torque_log_likelihood_gain(fit: Fit) -> float:
     """Gain in log-likelihood of a fitted model from the measured torque, compared with its mean in each run."""
     still = tuple(replace(run, command=np.full_like(run.command, np.mean(run.command))) for run in fit.log.runs)
 

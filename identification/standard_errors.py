@@ -152,13 +152,13 @@ def _without_weight(objective: Objective, values: Array, std: Array) -> NDArray[
     speeds = np.concatenate([np.gradient(run.output, run.time) for run in objective.log.runs])
     speed = float(np.sqrt(np.nanmean(speeds**2)))
     slowest = 2.0 * np.pi / max(run.duration for run in objective.log.runs)
-    worth = {"inertia": slowest * speed, "gravity": 1.0, "viscous_friction": speed}
+    typical = {"inertia": slowest * speed, "gravity": 1.0, "viscous_friction": speed}
     lost = np.zeros(len(objective.free), dtype=bool)
     for row, place in enumerate(objective.free):
         name = objective.model.names[place]
         scale = max(
             abs(values[place]),
-            level / worth[name] if worth.get(name) else 0.0,
+            level / typical[name] if typical.get(name) else 0.0,
             natural.get(objective.model.quantities[place], 0.0),
         )
         lost[row] = std[row] > scale and not _at_bound(objective, row, values[place])

@@ -96,14 +96,14 @@ def _press(program: Sweeps) -> None:
 def _settle(program: Sweeps) -> bool:
     """Update forces and active set (release, put at the price, hold again); returns whether anything changed."""
     p = program
-    at, sense = p.pressed.copy(), np.where(p.pressed > 0, 1.0, -1.0)
-    beyond = sense * (p.numbers().reshape(at.shape) - _ends(p))
-    force = sense * p.forces + _steepness(p) * beyond
+    at, direction = p.pressed.copy(), np.where(p.pressed > 0, 1.0, -1.0)
+    beyond = direction * (p.numbers().reshape(at.shape) - _ends(p))
+    force = direction * p.forces + _steepness(p) * beyond
     held = np.abs(at) == 1
     back = (np.abs(at) == 2) & (beyond < 0)
     gone, dear = held & ~(force > 0), held & (force > p.prices)
-    p.pressed[:] = np.where(gone, 0.0, np.where(dear, 2 * sense, np.where(back, sense, at)))
-    settled = sense * np.where(gone, 0.0, np.where(dear, p.prices, force))
+    p.pressed[:] = np.where(gone, 0.0, np.where(dear, 2 * direction, np.where(back, direction, at)))
+    settled = direction * np.where(gone, 0.0, np.where(dear, p.prices, force))
     p.forces[:] = np.where(held, settled, p.forces)
     away = held & (np.abs(beyond) > _CLOSE * p.unit[0] * p.moved)  # not yet within tolerance
     return bool((gone | dear | back | away).any())

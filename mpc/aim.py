@@ -1,6 +1,6 @@
 """The reference over the horizon: as given by the caller, and as governed so that the torques can follow it.
 
-See look, aim and astray in step.c.
+See look, aim and following_error in step.c.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mpc.governor import Governor, governed_path
 from mpc.kernel import Kernel, fused
 from mpc.preview import preview, prolonged
-from mpc.slots import Kalman, Path, Rubbing, Told, Tuning
+from mpc.slots import History, Kalman, Path, Rubbing, Tuning
 from mpc.time_optimal_law import followable
 from mpc.trouble import Trouble
 
@@ -28,29 +28,29 @@ class Aim:
     def __init__(self, arrays: Mapping[str, Array], governor: Governor, late: int) -> None:
         """Work on the arrays of a controller."""
         self._a, self._governor, self._limited, self._late = arrays, governor, governor.soft is not None, late
-        known = {0: arrays["told"], 2: arrays["tuning"][Tuning.ATTAINABLE :][:1]}
+        known = {0: arrays["history"], 2: arrays["tuning"][Tuning.ATTAINABLE :][:1]}
         self._preview = Kernel(preview(), known)
         own = dict(arrays) | {"path": governor.path, "limits": np.zeros(2)}
-        own |= {"asked": np.zeros(arrays["wanted"].size), "changes": np.zeros(arrays["wanted"].size + 1)}
+        own |= {"requested": np.zeros(arrays["wanted"].size), "changes": np.zeros(arrays["wanted"].size + 1)}
         where = "kalman load machine tuning path"
         self._begun = fused("begun", own, where, self._begin, operations=0)
-        more = " asked changes soft rubbing govern_numbers astray model"
-        self._aimed = fused("aimed", own, where + more, self._followed, operations=100 * own["asked"].size)
-        self._asked, self._changes, self._limits = own["asked"], own["changes"], own["limits"]
+        more = " requested changes soft rubbing govern_numbers following_error model"
+        self._aimed = fused("aimed", own, where + more, self._followed, operations=100 * own["requested"].size)
+        self._requested, self._changes, self._limits = own["requested"], own["changes"], own["limits"]
         self._counts = np.arange(1, arrays["wanted"].size)
 
     def look(self, previewed: bool) -> int:
         """Fill the wanted angle over the horizon and its changes; a scalar reference is extrapolated."""
-        wanted, told, steps = self._a["wanted"], self._a["told"], self._a["steps"]
+        wanted, history, steps = self._a["wanted"], self._a["history"], self._a["steps"]
         trouble = Trouble.NONE if np.isfinite(wanted if previewed else wanted[0]).all() else Trouble.NO_REFERENCE
         if trouble:
             previewed, wanted[0] = False, self._a["kalman"][Kalman.ANGLE]
         if previewed:
             np.subtract(wanted[1:], wanted[:-1], out=steps)
-            told[Told.COUNT] = 0.0
+            history[History.COUNT] = 0.0
             return trouble
         self._preview.inputs[1][0] = wanted[0]
-        told[:], speed = self._preview()
+        history[:], speed = self._preview()
         wanted[1:], steps[:] = wanted[0] + speed * self._counts, speed
         return trouble
 
@@ -60,9 +60,9 @@ class Aim:
         if previewed and governor.sees_a_jump(wanted):
             governor.path[:], (backward, forward) = self._begun()
             limits = float(backward), float(forward)
-        governor.ask(wanted, self._a["steps"], self._asked, self._changes, limits)
+        governor.ask(wanted, self._a["steps"], self._requested, self._changes, limits)
         path, _, _, mean = self._aimed()
-        governor.path[:], self._a["astray"][:] = path, mean
+        governor.path[:], self._a["following_error"][:] = path, mean
         return Trouble.NOT_FOLLOWING if mean[0] > 1 else Trouble.NONE
 
     @staticmethod
@@ -74,25 +74,25 @@ class Aim:
         where = ca.if_else(goes_on, path, ca.vertcat(1, angle, velocity, 0))
         return {"path": where, "limits": limits[:2]}
 
-    def _followed(self, asked: Any, changes: Any, astray: Any, model: Any, **known: Any) -> dict[str, Any]:
+    def _followed(self, requested: Any, changes: Any, following_error: Any, model: Any, **known: Any) -> dict[str, Any]:
         """The governed reference and its speeds."""
         soft, jerk, numbers = known.pop("soft"), known.pop("rubbing")[Rubbing.JERK], known.pop("govern_numbers")
         tuning, kalman = known["tuning"], known["kalman"]
         where, limits = self._begin(**known).values()
         own = tuning[Tuning.ATTAINABLE], jerk, numbers
-        path, ahead, speeds = governed_path(self._limited, where, asked, changes, limits, soft, *own)
+        path, ahead, speeds = governed_path(self._limited, where, requested, changes, limits, soft, *own)
         last = speeds.numel() - 1
-        bend = speeds[last - 1] - speeds[last - 2]
-        farther = [speeds[last - 1] + bend * k for k in range(1, self._late + 3)]
+        acceleration = speeds[last - 1] - speeds[last - 2]
+        farther = [speeds[last - 1] + acceleration * k for k in range(1, self._late + 3)]
         found = {"path": path, "ahead": prolonged(ahead, self._late + 1)}
         found["speeds"] = ca.vertcat(speeds[:last], *farther)
-        return found | {"astray": _off(found["ahead"], kalman, astray, tuning, model[-1])}
+        return found | {"following_error": _off(found["ahead"], kalman, following_error, tuning, model[-1])}
 
 
 def _off(ahead: Any, kalman: Any, mean: Any, tuning: Any, dt: Any) -> Any:
     """Mean square of the following error, in units of the permitted error."""
     step = dt * tuning[Tuning.WAVE]
-    admitted = tuning[Tuning.ASTRAY] + ca.fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step)
+    admitted = tuning[Tuning.FOLLOWING_ERROR] + ca.fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step)
     miss = (ahead[0] - kalman[Kalman.ANGLE]) / admitted
     before = ca.if_else(ca.logic_and(mean >= 0, mean <= 2), mean, 0)
     return before + tuning[Tuning.SHARE] * (ca.if_else(miss * miss < 2, miss * miss, 2) - before)

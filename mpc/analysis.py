@@ -94,9 +94,9 @@ def analyse_loop(controller: Controller, *, angle: float = 0.0, velocity: float 
     Pu[n, 0] = 1.0
     plant = control.ss(P, Pu, np.append(seen, np.zeros(late + 1))[None, :], 0, dt)
 
-    variance, torque_noise, wander = controller.estimator.levels[:3]
+    variance, torque_noise, drift = controller.estimator.levels[:3]
     kick = dt / predictor.model.inertia * torque_noise
-    gain = filter_gain(linear, variance=variance, kick=kick, wander=wander)
+    gain = filter_gain(linear, variance=variance, kick=kick, drift=drift)
     weights = controller._rate_weight, controller._terminal_weight
     acting, _ = law(linear, controller.horizon, *weights)
     return _assessed(plant, control.ss(*feedback(linear, gain, acting), dt), torque)

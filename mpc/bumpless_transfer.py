@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpc.drive import DriveInverse
 from mpc.estimator import Estimator
 from mpc.filter import covariance_of, motor_place, place_of_covariance
-from mpc.slots import Told
+from mpc.slots import History
 from plant.effects import State
 from plant.servo import ServoModel
 
@@ -61,7 +61,7 @@ def hand_over(old: Running, new: Running) -> None:
     if old.model != new.model or old.sample_time != new.sample_time:
         theirs["fed"][:] = 0.0  # valid for the old model and sample time only
     if old.sample_time != new.sample_time:
-        theirs["told"][Told.COUNT] = 0.0  # the stored reference samples have another spacing
+        theirs["history"][History.COUNT] = 0.0  # the stored reference samples have another spacing
     if old.model.effects != new.model.effects:
         theirs["learnt"][:] = 0.0  # valid for the old friction only
     if old.model != new.model or mine["kalman"].size != theirs["kalman"].size:

@@ -84,12 +84,12 @@ def watch(predictor: Predictor, motors: bool) -> Any:
     last samples.
     """
     model, n = predictor.model, len(predictor.model.states)
-    kalman, readings = kalman_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors)
+    kalman, measurements = kalman_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors)
     watched, acted = ca.SX.sym("watched", watched_of(n, motors)), ca.SX.sym("acted", 3)
     p, own = ca.SX.sym("parameters", predictor.parameters.size), ca.SX.sym("watching", WATCHING)
     turn, tolerance, noticed, near, apart, beside, brake, greatest = ca.vertsplit(own)[:8]
-    last, same, pushed, doubted = ca.vertsplit(watched[:4])
-    raw, known, z, d = readings[0], kalman[0], kalman[3 : 3 + n], kalman[2]
+    last, same, pushed, suspected = ca.vertsplit(watched[:4])
+    raw, known, z, d = measurements[0], kalman[0], kalman[3 : 3 + n], kalman[2]
 
     def seen(state: Any, torque: Any) -> tuple[Any, Any]:
         """The next state of the model, and the predicted measurement."""
@@ -106,39 +106,41 @@ def watch(predictor: Predictor, motors: bool) -> Any:
     goes_on = ca.logic_and(same > 0, ca.logic_or(same <= _FREE, whole >= _SOME * greatest))
     free, free_d = ca.if_else(goes_on, watched[4 : 4 + n], z), ca.if_else(goes_on, watched[4 + n], d)
     ahead, shown = seen(free, free_d)
-    stands = ca.logic_and(known, raw == last)
+    unchanged = ca.logic_and(known, raw == last)
     sane = ca.fabs(acted[0]) + ca.fabs(free_d) <= _SANE * greatest  # otherwise the memory is invalid
     sane = ca.logic_and(ca.logic_and(sane, finite(ahead)), ca.logic_or(goes_on, kalman[1] == 0))
-    same = ca.if_else(ca.logic_and(stands, sane), same + 1, 0)
-    pushed = ca.if_else(ca.logic_and(stands, whole >= _FULL * greatest), pushed + 1, 0)
+    same = ca.if_else(ca.logic_and(unchanged, sane), same + 1, 0)
+    pushed = ca.if_else(ca.logic_and(unchanged, whole >= _FULL * greatest), pushed + 1, 0)
     off = ca.fabs(shown - angle)
     stopped = ca.logic_and(same <= _FREE, off > tolerance + brake / 2 * (same * p[-1]) ** 2)
     moves = (1 - _STUCK) * brake / 4 * (pushed * p[-1]) ** 2 > tolerance
     jammed = ca.logic_and(ca.logic_and(pushed >= WINDOW, moves), off > tolerance)
-    frozen = ca.logic_and(stands, ca.logic_and(sane, ca.logic_or(stopped, jammed)))
+    frozen = ca.logic_and(unchanged, ca.logic_and(sane, ca.logic_or(stopped, jammed)))
 
     leaves, rest, helped, history = ca.SX(0), ca.SX(0), ca.SX(0), ca.SX(0, 1)
     if motors:
-        now = ca.vertcat(angle, *(-readings[1 + i] / own[8 + i] for i in range(2)), z[motor_place(model)] - z[0])
+        now = ca.vertcat(angle, *(-measurements[1 + i] / own[8 + i] for i in range(2)), z[motor_place(model)] - z[0])
         before = ca.reshape(watched[5 + n :], 4, WINDOW + 1)
         before = ca.if_else(known, before, ca.repmat(now, 1, WINDOW + 1))
-        begun = ca.if_else(stands, before[:, 0], now)  # at the last change of the load measurement
-        bent = ca.fabs(now - 2 * before[:, 1 + WINDOW // 2] + before[:, 1])
-        leaves, rest = _compared(now - before[:, 1], apart, bent)
+        begun = ca.if_else(unchanged, before[:, 0], now)  # at the last change of the load measurement
+        curvature = ca.fabs(now - 2 * before[:, 1 + WINDOW // 2] + before[:, 1])
+        leaves, rest = _compared(now - before[:, 1], apart, curvature)
         place = predicted[motor_place(model)]
         agrees = [ca.fabs(now[1 + i] - place - kalman[3 + n + i]) < near for i in range(2)]
-        leaves = ca.logic_or(leaves, ca.logic_and(stands, _compared(now - begun, beside, ca.fabs(now - begun) / 2)[0]))
+        leaves = ca.logic_or(
+            leaves, ca.logic_and(unchanged, _compared(now - begun, beside, ca.fabs(now - begun) / 2)[0])
+        )
         unlikely = ca.logic_and(ca.fabs(expected - angle) > noticed, ca.logic_or(*agrees))
-        leaves = ca.logic_or(leaves, ca.logic_and(stands, unlikely))
+        leaves = ca.logic_or(leaves, ca.logic_and(unchanged, unlikely))
         helped = ca.logic_and(near > 0, ca.logic_or(finite(now[1]), finite(now[2])))
         history = ca.vec(ca.horzcat(begun, before[:, 2:], now))
-    out = ca.logic_or(ca.logic_or(frozen, ca.logic_and(leaves, ca.logic_not(rest))), ca.logic_and(doubted, stands))
-    held_back = ca.logic_and(out, stands)
-    begins = ca.logic_and(held_back, ca.logic_not(ca.logic_or(doubted, helped)))
+    out = ca.logic_or(ca.logic_or(frozen, ca.logic_and(leaves, ca.logic_not(rest))), ca.logic_and(suspected, unchanged))
+    held_back = ca.logic_and(out, unchanged)
+    begins = ca.logic_and(held_back, ca.logic_not(ca.logic_or(suspected, helped)))
     parts = ca.if_else(begins, ca.vertcat(free_d, free), kalman[2 : 3 + n])
     memory = ca.vertcat(raw, same, pushed, out, ahead, free_d, history)
     outputs = [ca.vertcat(kalman[:2], parts, kalman[3 + n :]), angle, ca.densify(memory), out, rest]
-    return ca.Function("watch", [kalman, readings, watched, acted, p, own], outputs, {"cse": True})
+    return ca.Function("watch", [kalman, measurements, watched, acted, p, own], outputs, {"cse": True})
 
 
 def _compared(moved: Any, apart: Any, soft: Any) -> tuple[Any, Any]:
@@ -147,11 +149,11 @@ def _compared(moved: Any, apart: Any, soft: Any) -> tuple[Any, Any]:
     In a drivetrain softer than the model a motor may lead when it accelerates, by up to `soft` (4,).
     """
     load, *motors, twist = ca.vertsplit(moved)
-    heard = [finite(motor) for motor in motors]
+    received = [finite(motor) for motor in motors]
     own = [motor - twist for motor in motors]
     gone = [ca.fabs(load - motor) > apart + soft[1 + i] for i, motor in enumerate(own)]
-    agree = ca.logic_not(ca.logic_and(ca.logic_and(*heard), ca.fabs(motors[0] - motors[1]) > apart))
-    all_gone = ca.logic_and(*(ca.logic_or(ca.logic_not(h), g) for h, g in zip(heard, gone, strict=True)))
-    leaves = ca.logic_and(ca.logic_and(ca.logic_or(*heard), finite(load)), ca.logic_and(agree, all_gone))
-    rest = ca.logic_and(*(ca.logic_or(ca.logic_not(h), motor == 0) for h, motor in zip(heard, motors, strict=True)))
+    agree = ca.logic_not(ca.logic_and(ca.logic_and(*received), ca.fabs(motors[0] - motors[1]) > apart))
+    all_gone = ca.logic_and(*(ca.logic_or(ca.logic_not(h), g) for h, g in zip(received, gone, strict=True)))
+    leaves = ca.logic_and(ca.logic_and(ca.logic_or(*received), finite(load)), ca.logic_and(agree, all_gone))
+    rest = ca.logic_and(*(ca.logic_or(ca.logic_not(h), motor == 0) for h, motor in zip(received, motors, strict=True)))
     return leaves, ca.logic_and(leaves, ca.logic_and(rest, load != 0))

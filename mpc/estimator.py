@@ -135,27 +135,27 @@ class Estimator:
     def disturbance(self, torque: float) -> None:
         self.kalman[2] = torque
 
-    def start(self, reading: float, torque: float, motor_angles: tuple[float, float] = NO_ANGLES) -> None:
+    def start(self, measurement: float, torque: float, motor_angles: tuple[float, float] = NO_ANGLES) -> None:
         """Restart at rest from a measurement [rad], with actuators settled at a torque [N m] and no disturbance."""
         begin = self._begin
-        begin.inputs[0][:] = (reading, *motor_angles) if self.motors else (reading,)
+        begin.inputs[0][:] = (measurement, *motor_angles) if self.motors else (measurement,)
         begin.inputs[1][0] = torque
         begin()
         self.kalman[:] = begin.outputs[0]
 
     def advance(
-        self, reading: float, torque: float, previous_torque: float, motor_angles: tuple[float, float] = NO_ANGLES
+        self, measurement: float, torque: float, previous_torque: float, motor_angles: tuple[float, float] = NO_ANGLES
     ) -> str:
         """Predict a sample by the torque since the last one and the one before [N m], correct by measurements [rad].
 
         Returns:
             The problem in words, or an empty string.
         """
-        return sentence(self.update(reading, torque, previous_torque, motor_angles))
+        return sentence(self.update(measurement, torque, previous_torque, motor_angles))
 
     def update(
         self,
-        reading: float,
+        measurement: float,
         torque: float,
         previous_torque: float,
         motor_angles: tuple[float, float] = NO_ANGLES,
@@ -163,12 +163,12 @@ class Estimator:
     ) -> int:
         """As `advance`, but returns a `Trouble` number; `deaf` is a dead band of the innovation [rad]."""
         estimate = self._estimate
-        estimate.inputs[1][:] = (reading, *motor_angles) if self.motors else (reading,)
+        estimate.inputs[1][:] = (measurement, *motor_angles) if self.motors else (measurement,)
         estimate.inputs[2][:] = torque, previous_torque, deaf
         kalman, trouble, anew = estimate()
         self.kalman[:] = kalman
         if anew[0]:
-            self.start(reading, torque, motor_angles)
+            self.start(measurement, torque, motor_angles)
         return int(trouble[0])
 
     @property

@@ -28,13 +28,15 @@ def demand(model: ServoModel) -> Any:
     angle, speeds, before = ca.SX.sym("angle"), ca.SX.sym("speeds", 2), ca.SX.sym("before")
     p = ca.SX.sym("p", len(model.names) + 1)
     bound, dt = model.bound(p[:-1]), p[-1]
-    bend = speeds[1] - speeds[0]
+    velocity_change = speeds[1] - speeds[0]
     at = Moment(angle=angle + dt * speeds[0] / 2, velocity=speeds[0], inertia=bound.inertia)
     still = [effect for effect in bound.effects if not effect.states]
     inertia = bound.inertia + sum(effect.added_inertia(at) for effect in still)
     passive = bound.gravity * ca.cos(at.angle) + bound.viscous_friction * at.velocity
-    torque = inertia * (bend + before) / (2 * dt) + passive - sum(effect.load_torque(at, 0.0) for effect in still)
-    return ca.Function("demand", [angle, speeds, before, p], [torque, bend], {"cse": True})
+    torque = (
+        inertia * (velocity_change + before) / (2 * dt) + passive - sum(effect.load_torque(at, 0.0) for effect in still)
+    )
+    return ca.Function("demand", [angle, speeds, before, p], [torque, velocity_change], {"cse": True})
 
 
 @cache
@@ -62,23 +64,23 @@ def fed_forward(
     The feedforward of the sample before the first one is the acting torque. See feed_forward in step.c.
     """
     path, rates, N = ahead[late:], speeds[late:], ahead.numel() - late - 2
-    bend = rates[1] - rates[0]
-    known = ca.logic_and(fed[Fed.KNOWN] == 1, finite(fed[Fed.BEND :]))
-    first, _ = demand(path[0], rates[:2], -bend, model)
-    anew = ca.vertcat(bend, first, 0, first, 0)
-    before = ca.if_else(known, fed[Fed.BEND :], anew)
+    velocity_change = rates[1] - rates[0]
+    known = ca.logic_and(fed[Fed.KNOWN] == 1, finite(fed[Fed.VELOCITY_CHANGE :]))
+    first, _ = demand(path[0], rates[:2], -velocity_change, model)
+    anew = ca.vertcat(velocity_change, first, 0, first, 0)
+    before = ca.if_else(known, fed[Fed.VELOCITY_CHANGE :], anew)
     acts = past[late + 1] + kalman[Kalman.DISTURBANCE]
-    bends = [before[0], *(rates[k] - rates[k - 1] for k in range(1, N))]
-    taken = [demand(path[k], rates[k : k + 2], bends[k], model)[0] for k in range(N)]
-    there = _eased(taken, before[1:3], rubbing)
-    back = _eased(taken[::-1], ca.vertcat(taken[-1], taken[-2] - taken[-1]), rubbing)[::-1]
+    velocity_changes = [before[0], *(rates[k] - rates[k - 1] for k in range(1, N))]
+    taken = [demand(path[k], rates[k : k + 2], velocity_changes[k], model)[0] for k in range(N)]
+    there = _smoothed(taken, before[1:3], rubbing)
+    back = _smoothed(taken[::-1], ca.vertcat(taken[-1], taken[-2] - taken[-1]), rubbing)[::-1]
     both = [(forward[0] + backward[0]) / 2 for forward, backward in zip(there, back, strict=True)]
-    eased = _eased(both, before[3:5], rubbing)
+    eased = _smoothed(both, before[3:5], rubbing)
     feed = ca.vertcat(ca.if_else(known, fed[Fed.TORQUE], acts), *(torque[0] for torque in eased))
-    return {"fed": ca.vertcat(1, bend, there[0], eased[0]), "feed": feed, "taken": ca.vertcat(*taken)}
+    return {"fed": ca.vertcat(1, velocity_change, there[0], eased[0]), "feed": feed, "taken": ca.vertcat(*taken)}
 
 
-def _eased(torques: list[Any], before: Any, rubbing: Any) -> list[Any]:
+def _smoothed(torques: list[Any], before: Any, rubbing: Any) -> list[Any]:
     """Smoothed torque and its change (2,) of each sample."""
     found = []
     for torque in torques:

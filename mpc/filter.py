@@ -16,7 +16,7 @@ from plant.servo import ServoModel
 _OUTLIER = 10.0
 """Innovations above this number of standard deviations are rejected as outliers."""
 
-_PATIENCE = 3
+_REJECTED_AT_MOST = 3
 """After this number of outliers in a row the filter restarts."""
 
 _ITERATIONS = 20
@@ -62,10 +62,10 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
     """
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
-    kalman, readings, acted = kalman_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("acted", 3)
-    levels, m, reading = _levels(motors), n + 1 + 2 * motors, readings[0]
-    known, doubts, d, z, offsets = kalman[0], kalman[1], kalman[2], kalman[3 : 3 + n], kalman[3 + n : 2 + m]
-    variance, torque_noise, wander = ca.vertsplit(levels)[:3]
+    kalman, measurements, acted = kalman_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("acted", 3)
+    levels, m, measurement = _levels(motors), n + 1 + 2 * motors, measurements[0]
+    known, rejected, d, z, offsets = kalman[0], kalman[1], kalman[2], kalman[3 : 3 + n], kalman[3 + n : 2 + m]
+    variance, torque_noise, drift = ca.vertsplit(levels)[:3]
     covariance = ca.triu2symm(ca.SX(_triangle(m), kalman[2 + m :]))
 
     # Predict.
@@ -74,46 +74,46 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
     F[:n, :n], F[:n, n] = by_state, ca.sum2(by_torque)
     dt, kick = p[-1], p[-1] / p[0] * torque_noise
     slips = [levels[6] ** 2 * dt] * 2 if motors else []
-    added = ca.vertcat((kick * dt / 2) ** 2, kick**2, ca.SX(n - 2, 1), wander**2 * dt, *slips)
+    added = ca.vertcat((kick * dt / 2) ** 2, kick**2, ca.SX(n - 2, 1), drift**2 * dt, *slips)
     spread = ca.mtimes(ca.mtimes(F, covariance), F.T) + ca.diag(added)
     shown, slope = predictor.sensor(ahead, p)
     row = ca.vertcat(slope, ca.SX(m - n, 1))
     expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + variance
-    innovation = reading - shown
+    innovation = measurement - shown
     innovation -= ca.fmax(ca.fmin(innovation, acted[2]), -acted[2])
 
     # Classify the measurement and the prediction.
-    sound, heard = finite(ca.vertcat(ahead, ca.triu(spread).nz[:])), finite(reading)
+    sound, received = finite(ca.vertcat(ahead, ca.triu(spread).nz[:])), finite(measurement)
     wild = ca.fabs(innovation) > _OUTLIER * ca.sqrt(expected) + levels[3]
-    wilder = doubts + 1
+    wilder = rejected + 1
     cases = [
-        (ca.logic_and(ca.logic_not(ca.logic_and(known, sound)), ca.logic_not(heard)), Trouble.NO_ANGLE, False),
+        (ca.logic_and(ca.logic_not(ca.logic_and(known, sound)), ca.logic_not(received)), Trouble.NO_ANGLE, False),
         (ca.logic_not(known), Trouble.NONE, True),
         (ca.logic_not(sound), Trouble.ESTIMATE_DIVERGED, True),
-        (ca.logic_not(heard), Trouble.ANGLE_PREDICTED, False),
-        (ca.logic_and(wild, wilder >= _PATIENCE), Trouble.ESTIMATE_RESTARTED, True),
+        (ca.logic_not(received), Trouble.ANGLE_PREDICTED, False),
+        (ca.logic_and(wild, wilder >= _REJECTED_AT_MOST), Trouble.ESTIMATE_RESTARTED, True),
         (wild, Trouble.ANGLE_JUMPED, False),
     ]
     trouble, anew = ca.SX(Trouble.NONE), ca.SX(0)
     for holds, name, begins in reversed(cases):
         trouble, anew = ca.if_else(holds, int(name), trouble), ca.if_else(holds, int(begins), anew)
-    believed = ca.logic_and(heard, ca.logic_not(wild))
-    doubts = ca.if_else(heard, ca.if_else(wild, wilder, 0), doubts)
+    believed = ca.logic_and(received, ca.logic_not(wild))
+    rejected = ca.if_else(received, ca.if_else(wild, wilder, 0), rejected)
 
     # Correct by the load encoder and then by each motor encoder.
     x = ca.vertcat(ahead, d, offsets)
     x, spread = _corrected(x, spread, row, innovation, variance, believed)
     for i in range(2 * motors):
         row = _motor_row(model, m, i)
-        innovation = -readings[1 + i] / levels[7 + i] - ca.dot(row, x)
+        innovation = -measurements[1 + i] / levels[7 + i] - ca.dot(row, x)
         expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + levels[4 + i]
-        heard = finite(readings[1 + i])
+        received = finite(measurements[1 + i])
         near = ca.fabs(innovation) <= _OUTLIER * ca.sqrt(expected)
-        jumped = ca.logic_and(heard, ca.logic_not(near))
-        x, spread = _corrected(x, spread, row, innovation, levels[4 + i], ca.logic_and(heard, near))
+        jumped = ca.logic_and(received, ca.logic_not(near))
+        x, spread = _corrected(x, spread, row, innovation, levels[4 + i], ca.logic_and(received, near))
         spread[n + 1 + i, n + 1 + i] += ca.if_else(jumped, _UNKNOWN, 0)
-    memory = ca.vertcat(ca.logic_and(known, sound), doubts, x[n], x[:n], x[n + 1 :], ca.triu(spread).nz[:])
-    inputs = [kalman, readings, acted, p, levels]
+    memory = ca.vertcat(ca.logic_and(known, sound), rejected, x[n], x[:n], x[n + 1 :], ca.triu(spread).nz[:])
+    inputs = [kalman, measurements, acted, p, levels]
     return ca.Function("estimate", inputs, [ca.densify(memory), trouble, anew], {"cse": True})
 
 
@@ -142,30 +142,30 @@ def beginning(predictor: Predictor, motors: bool) -> Any:
     """Start at rest, as a `casadi.Function`: (measurements, torque, parameters, levels) -> filter state."""
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
-    readings, torque, levels = ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("torque"), _levels(motors)
-    state = _at_rest(model.bound(p[:-1]), readings[0], torque)
+    measurements, torque, levels = ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("torque"), _levels(motors)
+    state = _at_rest(model.bound(p[:-1]), measurements[0], torque)
     level = levels[1] + levels[2]
     known: dict[State, Any] = {State.ANGLE: ca.sqrt(levels[0]), State.VELOCITY: 1.0}
     spread = [known.get(kind, level) ** 2 for kind in model.kinds] + [level**2]
-    heard = [finite(readings[1 + i]) for i in range(2 * motors)]
-    offsets = [ca.if_else(h, -readings[1 + i] / levels[7 + i] - state[0], 0) for i, h in enumerate(heard)]
-    spread += [ca.if_else(h, levels[0] + levels[4 + i], _UNKNOWN) for i, h in enumerate(heard)]
+    received = [finite(measurements[1 + i]) for i in range(2 * motors)]
+    offsets = [ca.if_else(h, -measurements[1 + i] / levels[7 + i] - state[0], 0) for i, h in enumerate(received)]
+    spread += [ca.if_else(h, levels[0] + levels[4 + i], _UNKNOWN) for i, h in enumerate(received)]
     covariance = ca.densify(ca.diag(ca.vertcat(*spread)))
-    for i, h in enumerate(heard):  # the errors of offset and angle are correlated
+    for i, h in enumerate(received):  # the errors of offset and angle are correlated
         covariance[0, n + 1 + i] = ca.if_else(h, -levels[0], 0)
     if motors:
-        covariance[n + 1, n + 2] = ca.if_else(ca.logic_and(*heard), levels[0], 0)
+        covariance[n + 1, n + 2] = ca.if_else(ca.logic_and(*received), levels[0], 0)
     kalman = ca.vertcat(1, 0, 0, state, *offsets, covariance[_triangle(len(spread))].nz[:])
-    return ca.Function("begin", [readings, torque, p, levels], [ca.densify(kalman)], {"cse": True})
+    return ca.Function("begin", [measurements, torque, p, levels], [ca.densify(kalman)], {"cse": True})
 
 
-def _at_rest(model: ServoModel, reading: Any, torque: Any) -> Any:
+def _at_rest(model: ServoModel, measurement: Any, torque: Any) -> Any:
     """(n,) state at rest with the sensor settled at a measurement [rad], by fixed-point iteration.
 
     A systematic sensor error of a fraction of a degree is many times the noise. To start with the measurement as the
     angle would be inconsistent with the sensor model, and the filter would not recover.
     """
-    angle = reading
+    angle = measurement
     for _ in range(_ITERATIONS):
         values = {State.ANGLE: angle, State.TORQUE: torque, State.COMMAND: torque}
         state = [values.get(kind, 0.0) for kind in model.kinds]
@@ -177,7 +177,7 @@ def _at_rest(model: ServoModel, reading: Any, torque: Any) -> Any:
             place += len(effect.states)
         if ca.is_equal(ca.SX(shown), ca.SX(angle)):
             break
-        angle = angle + (reading - shown)
+        angle = angle + (measurement - shown)
     return ca.vertcat(*state)
 
 

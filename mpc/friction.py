@@ -105,18 +105,18 @@ def rub(model: ServoModel) -> Any:
 
     (governed angle now and next (2,), compensation one sample before, torque on the load, memory of the adaptation,
     parameters, numbers) -> torque against friction [N m]. A reversal takes place over the speed interval of standstill,
-    `Rubbing.STANDS` on each side, and changes by at most `Rubbing.MOST_CHANGE` per sample.
+    `Rubbing.STILL` on each side, and changes by at most `Rubbing.MOST_CHANGE` per sample.
     """
     way, torque, before = ca.SX.sym("way", 2), ca.SX.sym("torque"), ca.SX.sym("before")
     learnt, rubbing = ca.SX.sym("learnt", len(Learnt)), ca.SX.sym("rubbing", len(Rubbing))
     p = ca.SX.sym("p", len(model.names) + 1)
     wanted = (way[1] - way[0]) / p[-1]
-    goes_on = ca.logic_or(learnt[Learnt.SHORT], ca.fabs(wanted) < rubbing[Rubbing.STANDS])
-    sense = ca.if_else(goes_on, learnt[Learnt.SENSE], ca.sign(wanted))
-    speed = ca.fmax(sense * wanted, sense * learnt[Learnt.VELOCITY])
-    forward, backward = _levels(model.bound(p[:-1]), way[0], sense * speed, torque)
-    sure = ca.fmax(learnt[Learnt.SCALE] - ca.sqrt(ca.fmax(learnt[Learnt.VAR_SCALE], 0)), 0)
-    against = sure * sense * ca.if_else(sense > 0, forward, backward)
+    goes_on = ca.logic_or(learnt[Learnt.SHORT], ca.fabs(wanted) < rubbing[Rubbing.STILL])
+    direction = ca.if_else(goes_on, learnt[Learnt.DIRECTION], ca.sign(wanted))
+    speed = ca.fmax(direction * wanted, direction * learnt[Learnt.VELOCITY])
+    forward, backward = _levels(model.bound(p[:-1]), way[0], direction * speed, torque)
+    certain_scale = ca.fmax(learnt[Learnt.SCALE] - ca.sqrt(ca.fmax(learnt[Learnt.VAR_SCALE], 0)), 0)
+    against = certain_scale * direction * ca.if_else(direction > 0, forward, backward)
     greatest, most = rubbing[Rubbing.GREATEST], rubbing[Rubbing.MOST_CHANGE]
     last = ca.fmax(ca.fmin(before, greatest), -greatest)
     against = ca.fmax(ca.fmin(against, last + most), last - most)
@@ -139,13 +139,13 @@ def learn(model: ServoModel, motors: bool) -> Any:
     m, kalman = n + 1 + 2 * motors, kalman_of(n, motors)
     learnt, now, tuning = ca.SX.sym("learnt", len(Learnt)), ca.SX.sym("now", 5), ca.SX.sym("tuning", len(Tuning))
     p, rubbing = ca.SX.sym("p", len(model.names) + 1), ca.SX.sym("rubbing", len(Rubbing))
-    dt, wave, bound, stands = p[-1], tuning[Tuning.WAVE], model.bound(p[:-1]), rubbing[Rubbing.STANDS]
+    dt, wave, bound, still = p[-1], tuning[Tuning.WAVE], model.bound(p[:-1]), rubbing[Rubbing.STILL]
     d, angle, velocity = kalman[Kalman.DISTURBANCE], kalman[Kalman.ANGLE], kalman[Kalman.VELOCITY]
     d_variance = kalman[2 + m + n * (n + 1) // 2 + n]
-    doubt, most = rubbing[Rubbing.STD] ** 2, tuning[Tuning.GREATEST] ** 2
+    prior_variance, most = rubbing[Rubbing.STD] ** 2, tuning[Tuning.GREATEST] ** 2
 
     known = ca.logic_and(learnt[Learnt.KNOWN], finite(learnt))
-    first: tuple[Any, ...] = (0, 0, 1, most, 0, doubt, 0, 0, angle, 0, 0)
+    first: tuple[Any, ...] = (0, 0, 1, most, 0, prior_variance, 0, 0, angle, 0, 0)
     kept = [ca.if_else(known, learnt[i], value) for i, value in enumerate(first)]
     _, b, s, P_bb, P_bs, P_ss, before, slid, followed, *_ = kept
     shown = wave * (angle - followed)  # the estimated velocity responds to the torque even if friction holds the load
@@ -153,16 +153,16 @@ def learn(model: ServoModel, motors: bool) -> Any:
 
     speed = (now[3] - now[2]) / dt
     short = before * (now[4] - angle) > rubbing[Rubbing.ARRIVED]
-    wanted = ca.if_else(short, before, ca.if_else(ca.fabs(speed) < stands, 0, ca.sign(speed)))
-    sense = ca.if_else(ca.fabs(shown) > _CLEAR * stands, ca.sign(shown), 0)
-    slides = ca.logic_and(sense != 0, sense == before)
+    wanted = ca.if_else(short, before, ca.if_else(ca.fabs(speed) < still, 0, ca.sign(speed)))
+    direction = ca.if_else(ca.fabs(shown) > _CLEAR * still, ca.sign(shown), 0)
+    slides = ca.logic_and(direction != 0, direction == before)
     slid = ca.if_else(slides, slid + dt, 0)
     forward, backward = _levels(bound, angle, shown, now[1])
-    friction = ca.if_else(sense > 0, forward, -backward)
+    friction = ca.if_else(direction > 0, forward, -backward)
 
     # Learn.
     fades = rubbing[Rubbing.FADES] * dt
-    Q_bb, Q_ss = ca.fmin(P_bb + fades * friction**2, most), ca.fmin(P_ss + fades * doubt, doubt)
+    Q_bb, Q_ss = ca.fmin(P_bb + fades * friction**2, most), ca.fmin(P_ss + fades * prior_variance, prior_variance)
     towards_b, towards_s = Q_bb - friction * P_bs, P_bs - friction * Q_ss
     expected = towards_b - friction * towards_s + d_variance * rubbing[Rubbing.MEMORY]
     miss = d - now[0] - (b - s * friction)
@@ -175,8 +175,8 @@ def learn(model: ServoModel, motors: bool) -> Any:
     # Remove from the disturbance the part of a friction that no longer acts.
     std = 2 * ca.sqrt(P_ss)
     rest_forward, rest_backward = _levels(bound, angle, 0.0, now[1])
-    least = ca.if_else(sense == 0, -(s + std) * rest_backward, s * friction - std * ca.fabs(friction))
-    greatest = ca.if_else(sense == 0, (s + std) * rest_forward, s * friction + std * ca.fabs(friction))
+    least = ca.if_else(direction == 0, -(s + std) * rest_backward, s * friction - std * ca.fabs(friction))
+    greatest = ca.if_else(direction == 0, (s + std) * rest_forward, s * friction + std * ca.fabs(friction))
     turns = ca.logic_and(wanted != 0, wanted != before)
     fitting = ca.fmax(ca.fmin(b, d - now[0] + greatest), d - now[0] + least)
     b = ca.if_else(turns, fitting, b)

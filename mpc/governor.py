@@ -20,27 +20,35 @@ Array = NDArray[np.float64]
 
 
 def governed_path(
-    limited: bool, path: Any, asked: Any, changes: Any, limits: Any, soft: Any, attainable: Any, jerk: Any, numbers: Any
+    limited: bool,
+    path: Any,
+    requested: Any,
+    changes: Any,
+    limits: Any,
+    soft: Any,
+    attainable: Any,
+    jerk: Any,
+    numbers: Any,
 ) -> tuple[Any, Any, Any]:
     """The governed reference, as expressions: the path at the next sample, governed angles and speeds (N + 1,).
 
     Args:
         limited: whether there are soft limits.
         path: see `Governor`.
-        asked, changes: (N + 1,), (N + 2,) see `Governor.ask`.
+        requested, changes: (N + 1,), (N + 2,) see `Governor.ask`.
         limits: (2,) greatest acceleration backward and forward [rad/s^2].
         soft: see `SoftLimits.numbers`.
         attainable, jerk: see `Governor`.
         numbers: prepared from the sample time, see `mpc.prepared`.
     """
     govern = prepared(governed(limited)).function
-    move = hurry()(path[Path.ANGLE], asked[0], path[Path.MOVE], attainable, jerk)
-    bounds, now = ca.vertcat(limits, move), ca.vertcat(path[Path.ANGLE] - asked[0], path[Path.RATE])
+    move = hurry()(path[Path.ANGLE], requested[0], path[Path.MOVE], attainable, jerk)
+    bounds, now = ca.vertcat(limits, move), ca.vertcat(path[Path.ANGLE] - requested[0], path[Path.RATE])
     ahead, speeds = [], []
-    for k in range(asked.numel()):
-        ahead.append(asked[k] + now[0])
+    for k in range(requested.numel()):
+        ahead.append(requested[k] + now[0])
         speeds.append(now[1])
-        now = govern(now, asked[k], changes[k : k + 2], bounds, soft, numbers)
+        now = govern(now, requested[k], changes[k : k + 2], bounds, soft, numbers)
     return ca.vertcat(path[Path.GOVERNED], ahead[1], speeds[1], move), ca.vertcat(*ahead), ca.vertcat(*speeds)
 
 
@@ -95,26 +103,28 @@ class Governor:
         if wanted.size not in self._along:
             self._along[wanted.size] = self._over(wanted.size)
         along = self._along[wanted.size]
-        _, asked, changes, greatest, *_ = along.inputs
-        self.ask(wanted, np.diff(wanted), asked, changes, limits if previewed and self.sees_a_jump(wanted) else None)
+        _, requested, changes, greatest, *_ = along.inputs
+        self.ask(
+            wanted, np.diff(wanted), requested, changes, limits if previewed and self.sees_a_jump(wanted) else None
+        )
         greatest[:] = limits
         path, ahead, _ = along()
         self.path[:] = path
         return ahead.copy()
 
     def ask(
-        self, wanted: Array, steps: Array, asked: Array, changes: Array, limits: tuple[float, float] | None
+        self, wanted: Array, steps: Array, requested: Array, changes: Array, limits: tuple[float, float] | None
     ) -> None:
         """Fill the target (N + 1,) and its changes (N + 2,): the wanted angle, extended at its last speed.
 
         With `limits` it is the wanted angle after the first jump, as soon as the move to that jump has to start.
         """
         last = steps.size
-        asked[:], changes[:last], changes[last:] = wanted, steps, steps[-1]
+        requested[:], changes[:last], changes[last:] = wanted, steps, steps[-1]
         lead, change = (0, 0.0) if limits is None else self._lead(wanted, limits)
         if lead:
             longer = np.append(wanted, wanted[-1] + np.arange(1.0, last + 1.0) * (wanted[-1] - wanted[-2]))
-            asked[:] = longer[lead : lead + last + 1] - lead * change
+            requested[:] = longer[lead : lead + last + 1] - lead * change
             changes[: last - lead], changes[last - lead :] = steps[lead:], steps[-1]
 
     def sees_a_jump(self, wanted: Array) -> bool:
@@ -140,7 +150,7 @@ class Governor:
     def _over(self, samples: int) -> Kernel:
         limited = self.soft is not None
         soft = np.zeros(SOFT) if self.soft is None else self.soft
-        arrays = {"path": self.path, "asked": np.zeros(samples), "changes": np.zeros(samples + 1)}
+        arrays = {"path": self.path, "requested": np.zeros(samples), "changes": np.zeros(samples + 1)}
         arrays |= {"limits": np.zeros(2), "soft": soft, "attainable": np.array([self.attainable])}
         arrays["jerk"] = np.array([self.jerk])
         arrays["numbers"] = prepared(governed(limited)).of(np.array([self.sample_time]))

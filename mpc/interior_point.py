@@ -56,37 +56,40 @@ def solve_from_inside(program: Sweeps) -> None:
     priced, weight = price < np.inf, float(p.rate_weight[0])
     far, strong = 1.0 / (unit * moved), moved / (unit * weight)  # scaling of slacks and of forces
     stiffest = _STIFF * (p.curvature[row // p.rows] / (moved * moved))
-    gap = sign * (ends[at] - p.numbers()[row])
+    slack_of_bound = sign * (ends[at] - p.numbers()[row])
     least = np.where(row % p.rows == 0, 0.0, unit * moved)  # a torque starts in the middle of its interval
-    slack, force, excess, spare = _centred(gap, price, least, _BEGIN * most * unit)
+    slack, force, violation, spare = _centred(slack_of_bound, price, least, _BEGIN * most * unit)
     centring, count = 0.1, at.size + int(np.sum(priced))
     for _ in range(p.rounds):
-        products = slack * force + np.where(priced, excess * spare, 0.0)
+        products = slack * force + np.where(priced, violation * spare, 0.0)
         mean = float(np.cumsum(np.append(0.0, products))[-1]) / max(count, 1)
-        wide = np.where(priced, np.minimum(excess * far, spare * strong), 0.0)
+        wide = np.where(priced, np.minimum(violation * far, spare * strong), 0.0)
         if not np.max([np.minimum(slack * far, force * strong), wide], initial=0.0) > _CLOSE:
             break
         target = centring * mean
-        stiff = np.minimum(1.0 / (slack / force + excess / spare), stiffest)
-        pull = stiff * (target / force - target / spare - gap)
+        stiff = np.minimum(1.0 / (slack / force + violation / spare), stiffest)
+        pull = stiff * (target / force - target / spare - slack_of_bound)
         p.barrier[:, 0::2] = _sums(p, row, stiff)
         p.barrier[:, 1::2] = _sums(p, row, sign * (force + pull))
         p.sweep()
         nearer = sign * p.numbers()[row]
         harder = pull + stiff * nearer
         wider = target / force - slack - slack / force * harder
-        farther = target / spare - excess + excess / spare * harder
-        room, taken = np.concatenate((slack, force, excess, spare)), -np.concatenate((wider, harder, farther, -harder))
+        farther = target / spare - violation + violation / spare * harder
+        room, taken = (
+            np.concatenate((slack, force, violation, spare)),
+            -np.concatenate((wider, harder, farther, -harder)),
+        )
         length = min(1.0, 0.995 * float(np.min(room[taken > 0.0] / taken[taken > 0.0], initial=np.inf)))
-        slack, force, excess = slack + length * wider, force + length * harder, excess + length * farther
-        gap, spare, x = gap - length * nearer, spare - length * harder, x + length * p.e
+        slack, force, violation = slack + length * wider, force + length * harder, violation + length * farther
+        slack_of_bound, spare, x = slack_of_bound - length * nearer, spare - length * harder, x + length * p.e
         centring = max(0.01, (1.0 - length) * (1.0 - length))
         _begin_here(p, length)
     p.barrier[:] = 0.0
     p.data[:], p.end[:] = kept
     p.follow(x)
     p.forces[:] = _sums(p, row, sign * force)
-    given_up = priced & (excess * far > spare * strong)
+    given_up = priced & (violation * far > spare * strong)
     size = np.where(given_up, 2.0, np.where(slack * far < force * strong, 1.0, 0.0)) * (row % p.rows > 0)
     pushes, standing = np.zeros((p.forces.size, 2)), np.zeros((p.forces.size, 2))
     end = (sign > 0).astype(np.intp)
@@ -104,11 +107,11 @@ def _begin_here(program: Sweeps, length: float) -> None:
     p.end += length * p.s[-1, :2]
 
 
-def _centred(gap: Array, price: Array, least: Array, start: float) -> tuple[Array, Array, Array, Array]:
+def _centred(slack_of_bound: Array, price: Array, least: Array, start: float) -> tuple[Array, Array, Array, Array]:
     """Slack, force, excess and spare force with both products equal to `start`; soft intervals also match the gap."""
-    hard = start / np.maximum(gap, least)
-    worth = np.where(price < np.inf, gap * price, 0.0)
-    total = worth + 2 * start + np.sqrt(worth * worth + 4 * start * start)
+    hard = start / np.maximum(slack_of_bound, least)
+    complementarity = np.where(price < np.inf, slack_of_bound * price, 0.0)
+    total = complementarity + 2 * start + np.sqrt(complementarity * complementarity + 4 * start * start)
     force = np.where(price < np.inf, 2 * start * (price / total), hard)
     spare = np.where(price < np.inf, price - force, np.inf)
     return start / force, force, np.where(price < np.inf, start / spare, 0.0), spare

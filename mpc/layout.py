@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.control import OUTCOME
-from mpc.slots import Fed, Learnt, Told
+from mpc.slots import Fed, History, Learnt
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
     """
     n, N, samples = states, horizon, late + horizon
     remembered = {
-        "told": len(Told),  # the last wanted angles of a scalar reference
+        "history": len(History),  # the last wanted angles of a scalar reference
         "past": late + 3,  # net torques, oldest first: those of the dead time, and the two around the last sample
         "plan": N + 1,  # whether there is a plan, and its torques
         "pressed": rows * N,  # active set besides the torques: held at an end (1, -1) or at the price (2, -2)
@@ -31,7 +31,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "load": 1,  # torque of the load without acceleration
         "learnt": len(Learnt),  # adaptation of friction
         "watched": watched,  # see `mpc.encoder_faults`
-        "astray": 1,  # mean square of the following error, in units of the permitted error
+        "following_error": 1,  # mean square of the following error, in units of the permitted error
         "rubs": late + 3,  # friction compensation torques, in addition to those of past
         "fed": len(Fed),  # see `mpc.feed_forward`
     }

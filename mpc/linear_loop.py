@@ -36,18 +36,18 @@ class LinearPlant:
     sample_time: float
 
 
-def filter_gain(plant: LinearPlant, *, variance: float, kick: float, wander: float) -> Array:
+def filter_gain(plant: LinearPlant, *, variance: float, kick: float, drift: float) -> Array:
     """(n + 1,) stationary filter gain for state and disturbance torque.
 
     Args:
         plant: the linear model.
         variance: of the measurement [rad^2].
         kick: standard deviation of the velocity error of the model in a sample [rad/s].
-        wander: rate of the random-walk disturbance [N m/sqrt(s)].
+        drift: rate of the random-walk disturbance [N m/sqrt(s)].
     """
     dt, n = plant.sample_time, plant.row.size
     Q = np.zeros((n + 1, n + 1))
-    Q[0, 0], Q[1, 1], Q[n, n] = (kick * dt / 2) ** 2, kick**2, wander**2 * dt
+    Q[0, 0], Q[1, 1], Q[n, n] = (kick * dt / 2) ** 2, kick**2, drift**2 * dt
     row = np.append(plant.row, 0.0)
     spread = settled(with_disturbance(plant), row, Q / variance)
     return np.asarray(spread @ row / (row @ spread @ row + 1.0))

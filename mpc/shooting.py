@@ -38,21 +38,21 @@ class SlidingServo(ServoModel):
     """A servo that moves in one direction from rest to rest: dry friction is then a smooth torque against the motion.
 
     Attributes:
-        sense: direction of the move, 1 or -1.
+        direction: direction of the move, 1 or -1.
     """
 
-    sense: float = 1.0
+    direction: float = 1.0
 
     @classmethod
     def of(cls, model: ServoModel, sense: float) -> Self:
         """The same servo in a move in one direction."""
         own = {spec.name: getattr(model, spec.name) for spec in parameters_of(ServoModel)}
-        return cls(**own, effects=model.effects, axis=model.axis, sense=sense)
+        return cls(**own, effects=model.effects, axis=model.axis, direction=sense)
 
     @property
     def structure(self) -> tuple[Any, ...]:
         """Everything besides parameter values that determines the equations."""
-        return (*super().structure, self.sense)
+        return (*super().structure, self.direction)
 
     def dry_friction(self, at: Moment) -> None:
         """None: sliding friction is part of `smooth_acceleration`."""
@@ -60,7 +60,7 @@ class SlidingServo(ServoModel):
     def smooth_acceleration(self, at: Moment, own: Mapping[str, tuple[Any, ...]] | None = None) -> Expression:
         """The acceleration with sliding friction."""
         forward, backward = super().dry_friction(at) or (0.0, 0.0)
-        against = forward if self.sense > 0 else -backward
+        against = forward if self.direction > 0 else -backward
         return super().smooth_acceleration(at, own) - against / self.load_inertia(at)
 
 
@@ -124,14 +124,14 @@ class Shooting:
         return beginning(self.model, angle=self.start)
 
     @property
-    def _sense(self) -> float:
+    def _direction(self) -> float:
         return float(np.sign(self.goal - self.start))
 
     @cached_property
     def _servo(self) -> SlidingServo:
         """The model without the dead zone and saturation, which `_command` and `_limit` represent."""
         behind = self.model.without_effect("dead_zone").without_effect("torque_saturation")
-        return SlidingServo.of(behind, self._sense)
+        return SlidingServo.of(behind, self._direction)
 
     @cached_property
     def _strength(self) -> float:
@@ -195,9 +195,9 @@ class Shooting:
         lower, upper = np.full((n, N + 1), -np.inf), np.full((n, N + 1), np.inf)
         lower[1], upper[1] = -self.speed_limit / units[1], self.speed_limit / units[1]
         if self.model.slides:  # motion in one direction only
-            (lower if self._sense > 0 else upper)[1] = 0.0
+            (lower if self._direction > 0 else upper)[1] = 0.0
         lower[:, 0] = upper[:, 0] = 0.0
-        lower[:2, -1] = upper[:2, -1] = self._sense, 0.0
+        lower[:2, -1] = upper[:2, -1] = self._direction, 0.0
         quick, longest = self._quickest / expected, (_LONGEST * self._quickest + 2.0 * self._cruise) / expected
         least, greatest = self.bounds.least[:, None], self.bounds.greatest[:, None]
         times = (1.0, 1.0) if fixed else (0.1 * quick, longest)

@@ -25,7 +25,7 @@ class Tuning(_Slot):
     WAVE = auto()  # 2 pi times the bandwidth [1/s]
     ATTAINABLE = auto()  # greatest second difference of the angle that the torques can give in a sample [rad]
     TORQUE_STEP = auto()  # greatest change of torque in a sample [N m]
-    ASTRAY = auto()  # permitted following error at constant speed [rad]
+    FOLLOWING_ERROR = auto()  # permitted following error at constant speed [rad]
     SHARE = auto()  # sample time in units of a period of the bandwidth
 
 
@@ -44,7 +44,7 @@ class Soft(_Slot):
 class Rubbing(_Slot):
     """Numbers of friction, see `mpc.friction.friction_numbers`."""
 
-    STANDS = auto()  # speed below which a reference counts as standing still [rad/s]
+    STILL = auto()  # speed below which a reference counts as standing still [rad/s]
     STD = auto()  # relative standard error of the model's friction
     FADES = auto()  # forgetting rate of the adaptation [1/s]
     DEAF = auto()  # dead band of the innovation while the reference stands still [rad]
@@ -65,14 +65,14 @@ class Learnt(_Slot):
     VAR_CONSTANT = auto()  # variances and covariance of both
     COVARIANCE = auto()
     VAR_SCALE = auto()
-    SENSE = auto()  # direction in which friction is compensated, 0: none
+    DIRECTION = auto()  # direction in which friction is compensated, 0: none
     SLID = auto()  # time for which the load has slid in that direction [s]
     FOLLOWED = auto()  # load angle filtered by a first-order lag of 1/w [rad]
     VELOCITY = auto()  # of the load [rad/s]
     SHORT = auto()  # whether the load has not yet reached the reference in that direction
 
 
-class Told(_Slot):
+class History(_Slot):
     """Memory of a reference given as one number per sample, see `mpc.preview`."""
 
     COUNT = auto()  # number of known last angles
@@ -85,7 +85,7 @@ class Kalman(_Slot):
     """State of the Kalman filter, its first entries."""
 
     KNOWN = auto()
-    DOUBTS = auto()
+    REJECTED = auto()
     DISTURBANCE = auto()
     ANGLE = auto()  # followed by the rest of the state
     VELOCITY = auto()
@@ -104,7 +104,7 @@ class Fed(_Slot):
     """Memory of the feedforward."""
 
     KNOWN = auto()
-    BEND = auto()  # last change of the reference's speed in a sample [rad/s]
+    VELOCITY_CHANGE = auto()  # last change of the reference's speed in a sample [rad/s]
     EASED = auto()  # required torque, smoothed forward in time [N m]
     EASED_CHANGE = auto()
     TORQUE = auto()  # last feedforward torque [N m]
@@ -123,5 +123,5 @@ def c_names() -> str:
     """The same names as C enumerations."""
     return "\n".join(
         f"enum {{ {', '.join(f'{slots.__name__.upper()}_{slot.name} = {slot.value}' for slot in slots)} }};"
-        for slots in (Tuning, Soft, Rubbing, Learnt, Told, Kalman, Path, Fed, Outcome)
+        for slots in (Tuning, Soft, Rubbing, Learnt, History, Kalman, Path, Fed, Outcome)
     )

@@ -13,18 +13,18 @@ enum { NO_ANGLE = 1, ANGLE_PREDICTED = 2, ANGLE_JUMPED = 4, ESTIMATE_RESTARTED =
 static int look(struct controller *c, int previewed)
 {
   int k, trouble = 0;
-  real speed = 0, told[4], angle = c->kalman[KALMAN_ANGLE];
+  real speed = 0, history[4], angle = c->kalman[KALMAN_ANGLE];
   real *wanted = c->wanted;
   for (k = 0; k <= (previewed ? HORIZON : 0); ++k)
     if (!isfinite(wanted[k])) trouble = NO_REFERENCE;
   if (trouble) previewed = 0, wanted[0] = angle;
   if (previewed) {
     for (k = 0; k < HORIZON; ++k) c->steps[k] = wanted[k + 1] - wanted[k];
-    c->told[TOLD_COUNT] = 0;
+    c->history[HISTORY_COUNT] = 0;
     return trouble;
   }
-  preview(c->told, wanted, TABLE(tuning) + TUNING_ATTAINABLE, told, &speed);
-  memcpy(c->told, told, sizeof told);
+  preview(c->history, wanted, TABLE(tuning) + TUNING_ATTAINABLE, history, &speed);
+  memcpy(c->history, history, sizeof history);
   for (k = 1; k <= HORIZON; ++k) wanted[k] = wanted[0] + speed * k, c->steps[k - 1] = speed;
   return trouble;
 }
@@ -90,11 +90,11 @@ static void aim(struct controller *c, int previewed)
 /* Whether the load has not followed the governed reference for some time: mean square of the error over about a period
    of the loop, in units of the permitted error. A single squared error counts as at most 2, so that one large error
    neither triggers the status at once nor keeps it for long. */
-static int astray(struct controller *c)
+static int following_error(struct controller *c)
 {
   const real *ahead = c->ahead, *own = TABLE(tuning);
-  real step = TABLE(model)[PARAMETERS - 1] * own[TUNING_WAVE], *mean = c->astray;
-  real admitted = own[TUNING_ASTRAY] + fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step);
+  real step = TABLE(model)[PARAMETERS - 1] * own[TUNING_WAVE], *mean = c->following_error;
+  real admitted = own[TUNING_FOLLOWING_ERROR] + fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step);
   real miss = (ahead[0] - c->kalman[KALMAN_ANGLE]) / admitted;
   if (!(*mean >= 0 && *mean <= 2)) *mean = 0;
   *mean += own[TUNING_SHARE] * (smaller(miss * miss, 2) - *mean);
@@ -142,18 +142,18 @@ static void feed_forward(struct controller *c)
   int k, last = HORIZON - 1, known = c->fed[FED_KNOWN] == 1;
   real bend, bent, torque[2], *taken = c->taken, *fed = c->fed, *feeds = c->feed + 1;
   const real *ahead = c->ahead + LATE, *speeds = c->speeds + LATE;
-  for (k = FED_BEND; k <= FED_CHANGE; ++k) known = known && isfinite(fed[k]);
+  for (k = FED_VELOCITY_CHANGE; k <= FED_CHANGE; ++k) known = known && isfinite(fed[k]);
   if (!known) {
-    fed[FED_BEND] = speeds[1] - speeds[0], bend = -fed[FED_BEND];
+    fed[FED_VELOCITY_CHANGE] = speeds[1] - speeds[0], bend = -fed[FED_VELOCITY_CHANGE];
     demand(ahead, speeds, &bend, TABLE(model), fed + FED_EASED, &bent);
     fed[FED_TORQUE] = fed[FED_EASED], fed[FED_EASED_CHANGE] = fed[FED_CHANGE] = 0;
   }
   c->feed[0] = known ? fed[FED_TORQUE] : c->past[LATE + 1] + c->kalman[KALMAN_DISTURBANCE];
-  bend = fed[FED_BEND];
+  bend = fed[FED_VELOCITY_CHANGE];
   for (k = 0; k <= last; ++k) {
     demand(ahead + k, speeds + k, &bend, TABLE(model), taken + k, &bent);
     bend = bent;
-    if (k == 0) fed[FED_BEND] = bend;
+    if (k == 0) fed[FED_VELOCITY_CHANGE] = bend;
   }
   memcpy(torque, fed + FED_EASED, sizeof torque);
   for (k = 0; k <= last; ++k) {
@@ -359,12 +359,12 @@ static void lapse(struct controller *c)
   c->elapsed[0] = 0;
   if (!(elapsed > 0 && isfinite(elapsed))) return;
   if (elapsed > (HORIZON + 0.5) * dt) { /* the estimate is out of date */
-    c->kalman[KALMAN_KNOWN] = c->path[PATH_GOVERNED] = c->plan[0] = c->told[TOLD_COUNT] = 0;
+    c->kalman[KALMAN_KNOWN] = c->path[PATH_GOVERNED] = c->plan[0] = c->history[HISTORY_COUNT] = 0;
     return;
   }
-  shift = c->told[TOLD_COUNT] > 1 ? (elapsed / dt - 1) * (c->told[TOLD_THIRD] - c->told[TOLD_SECOND]) : 0;
-  for (k = TOLD_FIRST; k <= TOLD_THIRD; ++k) c->told[k] += shift;
-  late = elapsed - dt, bend = isfinite(c->fed[FED_BEND]) ? c->fed[FED_BEND] : 0;
+  shift = c->history[HISTORY_COUNT] > 1 ? (elapsed / dt - 1) * (c->history[HISTORY_THIRD] - c->history[HISTORY_SECOND]) : 0;
+  for (k = HISTORY_FIRST; k <= HISTORY_THIRD; ++k) c->history[k] += shift;
+  late = elapsed - dt, bend = isfinite(c->fed[FED_VELOCITY_CHANGE]) ? c->fed[FED_VELOCITY_CHANGE] : 0;
   c->path[PATH_ANGLE] += late * (c->path[PATH_RATE] + late * (bend / (2 * dt)));
   c->path[PATH_RATE] += late * (bend / dt);
   missed = elapsed > dt ? (int)(elapsed / dt - 0.5) : 0;
@@ -392,7 +392,7 @@ STEP int control_step(struct controller *c, real angle, int previewed)
   c->readings[0] = angle; /* followed by those of the motors */
   lapse(c);
   out = watched(c);
-  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[LEARNT_SENSE] == 0 ? TABLE(rubbing)[RUBBING_DEAF] : 0;
+  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[LEARNT_DIRECTION] == 0 ? TABLE(rubbing)[RUBBING_DEAF] : 0;
   estimate(c->kalman, c->readings, acted, c->acting, TABLE(levels), kalman, &code, &anew);
   if (anew) begin(c->readings, acted, TABLE(model), TABLE(levels), kalman);
   memcpy(c->kalman, kalman, sizeof kalman);
@@ -403,7 +403,7 @@ STEP int control_step(struct controller *c, real angle, int previewed)
   } else {
     trouble |= look(c, previewed);
     aim(c, previewed && !(trouble & NO_REFERENCE));
-    trouble |= astray(c);
+    trouble |= following_error(c);
     rubbed(c);
     feed_forward(c);
     trouble |= plan_ahead(c);

@@ -20,7 +20,7 @@ from mpc.kernel import Kernel, along_the_way, fused
 from mpc.outcome import holding, outcome
 from mpc.real_time_iteration import RealTimeIteration
 from mpc.riccati import TORQUE_ALONE
-from mpc.slots import Fed, Kalman, Learnt, Outcome, Path, Rubbing, Told
+from mpc.slots import Fed, History, Kalman, Learnt, Outcome, Path, Rubbing
 from mpc.stages import Stages
 from mpc.trouble import Trouble
 
@@ -77,7 +77,7 @@ class InterpretedStep:
         self._lapse()
         angle, out = self._watched(angle)
         first, second = a["readings"][1:].tolist()
-        deaf = float(a["rubbing"][Rubbing.DEAF]) if a["learnt"][Learnt.SENSE] == 0 else 0.0
+        deaf = float(a["rubbing"][Rubbing.DEAF]) if a["learnt"][Learnt.DIRECTION] == 0 else 0.0
         before, last = a["past"][:2].tolist()
         trouble = self._estimator.update(angle, last, before, (first, second), deaf)
         if out:
@@ -85,7 +85,7 @@ class InterpretedStep:
         if kalman[Kalman.KNOWN]:
             trouble |= self._aim.look(previewed)
             trouble |= self._aim.aim(previewed and not trouble & Trouble.NO_REFERENCE)
-            self._rubbed()
+            self._adapt_friction()
             a["fed"][:] = self._feed_forward()[0]
             trouble |= self._plan_ahead()
         else:
@@ -118,15 +118,18 @@ class InterpretedStep:
         a["acting"][:] = a["model"]
         if not (elapsed > 0 and np.isfinite(elapsed)):
             return
-        path, told = a["path"], a["told"]
+        path, history = a["path"], a["history"]
         if elapsed > (a["guess"].size + 0.5) * dt:  # the estimate is out of date
-            a["kalman"][Kalman.KNOWN] = path[Path.GOVERNED] = a["plan"][0] = told[Told.COUNT] = 0.0
+            a["kalman"][Kalman.KNOWN] = path[Path.GOVERNED] = a["plan"][0] = history[History.COUNT] = 0.0
             return
-        if told[Told.COUNT] > 1:
-            told[Told.FIRST :] += (elapsed / dt - 1) * (told[Told.THIRD] - told[Told.SECOND])
-        late, bend = elapsed - dt, a["fed"][Fed.BEND] if np.isfinite(a["fed"][Fed.BEND]) else 0.0
-        path[Path.ANGLE] += late * (path[Path.RATE] + late * (bend / (2 * dt)))
-        path[Path.RATE] += late * (bend / dt)
+        if history[History.COUNT] > 1:
+            history[History.FIRST :] += (elapsed / dt - 1) * (history[History.THIRD] - history[History.SECOND])
+        late, velocity_change = (
+            elapsed - dt,
+            a["fed"][Fed.VELOCITY_CHANGE] if np.isfinite(a["fed"][Fed.VELOCITY_CHANGE]) else 0.0,
+        )
+        path[Path.ANGLE] += late * (path[Path.RATE] + late * (velocity_change / (2 * dt)))
+        path[Path.RATE] += late * (velocity_change / dt)
         missed = int(elapsed / dt - 0.5) if elapsed > dt else 0
         for _ in range(missed):
             self._miss()
@@ -145,7 +148,7 @@ class InterpretedStep:
         a["readings"][0] = np.nan if load_out[0] else reading[0]
         return float(a["readings"][0]), bool(load_out[0] or motors_out[0])
 
-    def _rubbed(self) -> None:
+    def _adapt_friction(self) -> None:
         """Adapt friction, and compute its compensation along the path."""
         a, own, ahead, newest = self._a, self._own, self._a["ahead"][self._late :], self._late + 1
         a["learnt"][:], *_, a["past"][:], a["rubs"][:], a["plan"][:] = self._learn()

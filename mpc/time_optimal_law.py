@@ -14,7 +14,7 @@ from mpc.split import MACHINE, reach
 _USED = 0.85
 """Share of the reachable acceleration that the governed reference may use; the rest is left to feedback."""
 
-_SURE = 0.75
+_MARGIN = 0.75
 """Share of that acceleration, and of its mean in both directions, for braking before a limit: friction helps to brake,
 but ends with the motion."""
 
@@ -57,7 +57,7 @@ def _fastest(room: Any, acceleration: Any, dt: Any) -> Any:
     return ca.fmax(braked, ca.fmin(room / dt, acceleration * dt))
 
 
-def unhurried(distance: Any, jerk: Any) -> Any:
+def jerk_limited(distance: Any, jerk: Any) -> Any:
     """Acceleration of a move over a distance such that the torques can reverse in a quarter of its duration.
 
     The acceleration then reverses at a rate of four times `jerk` [rad/s^3].
@@ -77,7 +77,7 @@ def hurry() -> Any:
     attainable, jerk = ca.SX.sym("attainable"), ca.SX.sym("jerk")
     off, held = path - wanted, ca.if_else(before >= 0, before, 0)
     kept = ca.if_else(ca.fabs(off) > _THERE * attainable, held, 0)
-    pull = ca.fmax(unhurried(off, jerk), kept)
+    pull = ca.fmax(jerk_limited(off, jerk), kept)
     return ca.Function("hurry", [path, wanted, before, attainable, jerk], [pull], {"cse": True})
 
 
@@ -107,7 +107,7 @@ def governed(limited: bool = False) -> Any:
     next_off, next_rate = off + (dt * rate - steps[0]), rate + dt * ca.fmin(ca.fmax(own + pull, -backward), forward)
     if limited:
         next_angle = wanted + off + dt * rate
-        least, greatest = (_SURE * ca.fmin(brake, (backward + forward) / 2) for brake in (forward, backward))
+        least, greatest = (_MARGIN * ca.fmin(brake, (backward + forward) / 2) for brake in (forward, backward))
         up = ca.fmin(_fastest(soft[1] - next_angle, greatest, dt), soft[2])
         down = ca.fmin(_fastest(next_angle - soft[0], least, dt), soft[2])
         next_rate = ca.fmin(next_rate, ca.fmax(up, rate - dt * backward))
@@ -142,10 +142,10 @@ def early() -> Any:
     path, wanted, limits = ca.SX.sym("path", 2), ca.SX.sym("wanted", 3), ca.SX.sym("limits", 2)
     count, dt, jerk, change = ca.SX.sym("count"), ca.SX.sym("dt"), ca.SX.sym("jerk"), wanted[2] - wanted[1]
     error, rate = path[0] - (wanted[1] - count * change), path[1] - change / dt
-    a = ca.fmin(ca.fmin(limits[0], limits[1]), unhurried(error, jerk))
-    sense = ca.sign(error + rate * ca.fabs(rate) / (2 * a))
-    least = sense * rate / a + 2 * ca.sqrt(ca.fmax(rate**2 / (2 * a**2) + sense * error / a, 0))
-    due = count * dt <= least / ca.if_else(sense * rate < 0, 1, 2)
+    a = ca.fmin(ca.fmin(limits[0], limits[1]), jerk_limited(error, jerk))
+    direction = ca.sign(error + rate * ca.fabs(rate) / (2 * a))
+    least = direction * rate / a + 2 * ca.sqrt(ca.fmax(rate**2 / (2 * a**2) + direction * error / a, 0))
+    due = count * dt <= least / ca.if_else(direction * rate < 0, 1, 2)
     return ca.Function("early", [path, wanted, count, limits, dt, jerk], [due, change], {"cse": True})
 
 

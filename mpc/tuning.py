@@ -131,32 +131,32 @@ def _chosen(
 
     loop = _family(model, sample_time, noise)
     slowest, most = np.log(np.array((_SLOWEST, _FASTEST)) / sample_time)
-    told = None if bandwidth is None else float(np.log(2 * np.pi * bandwidth))
+    log_bandwidth = None if bandwidth is None else float(np.log(2 * np.pi * bandwidth))
 
-    def excess(log_w: float, log_ratio: float) -> float:
+    def excess_peak(log_w: float, log_ratio: float) -> float:
         found = loop(np.exp(log_w), np.exp(log_ratio))
         peak = np.log(found.peak_sensitivity / _PEAK)
         return float(max(peak, np.log(found.chatter / chatter), -np.log(found.delay_margin / sample_time)))
 
     def fastest(log_ratio: float) -> float:
         low = most
-        while excess(low, log_ratio) > 0 and low > slowest:
+        while excess_peak(low, log_ratio) > 0 and low > slowest:
             low -= np.log(2.0)
         if low == most or low <= slowest:
             return float(max(low, slowest))
-        return float(brentq(excess, low, low + np.log(2.0), (log_ratio,), xtol=_FINE)) - _FINE
+        return float(brentq(excess_peak, low, low + np.log(2.0), (log_ratio,), xtol=_FINE)) - _FINE
 
     def slowness(log_ratio: float) -> float:
-        if told is None:
+        if log_bandwidth is None:
             return float(np.log(loop(np.exp(fastest(log_ratio)), np.exp(log_ratio)).error))
-        found = loop(np.exp(told), np.exp(log_ratio))
+        found = loop(np.exp(log_bandwidth), np.exp(log_ratio))
         beyond = (found.chatter / chatter, found.peak_sensitivity / _PEAK)
         loud, peaked = (np.log(min(ratio, _UNSTABLE)) for ratio in beyond)
         return float(np.log(found.error) + 1e4 * max(loud, 0) + 1e2 * max(peaked, 0))
 
-    ratios = np.log(_FILTERS if told is None else (_FILTERS[0] / 2, _FILTERS[1])).tolist()
+    ratios = np.log(_FILTERS if log_bandwidth is None else (_FILTERS[0] / 2, _FILTERS[1])).tolist()
     best = minimize_scalar(slowness, bounds=(ratios[0], ratios[1]), method="bounded", options={"xatol": 10 * _FINE})
-    w = float(np.exp(fastest(best.x) if told is None else told))
+    w = float(np.exp(fastest(best.x) if log_bandwidth is None else log_bandwidth))
     return w, w * float(np.exp(best.x))
 
 
@@ -171,8 +171,8 @@ def _family(model: ServoModel, sample_time: float, noise: float) -> Callable[[fl
 
     def loop(w: float, ratio: float) -> Assessment:
         rate = rate_weight(model, w / (2 * np.pi), sample_time)
-        wander = disturbance_rate(model.inertia, ratio * w, noise, sample_time)
-        gain = filter_gain(plant, variance=noise**2, kick=0.0, wander=wander)
+        drift = disturbance_rate(model.inertia, ratio * w, noise, sample_time)
+        gain = filter_gain(plant, variance=noise**2, kick=0.0, drift=drift)
         terminal = terminal_weight(model, rate, sample_time)
         return assess(plant, gain, law(plant, _horizon(w, sample_time), rate, terminal), noise)
 

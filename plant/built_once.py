@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, Protocol, runtime_checkable
 
 import casadi as ca
 
-from plant.kept_files import mark
+from plant.kept_files import content_hash
 from plant.recursion import Recursion
 from plant.symbolic import one_at_a_time
 
@@ -52,20 +52,20 @@ def _folder(build: Callable[..., Any], args: tuple[Any, ...]) -> str | None:
     """Name of the cache folder for a builder and its arguments; None if the result must not be cached."""
     if build.__module__.partition(".")[0] not in _BUILDERS or not (code := _code()):
         return None
-    told = [_told(each) for each in args]
-    if None in told:
+    texts = [_text(each) for each in args]
+    if None in texts:
         return None
-    parts = (ca.CasadiMeta.version(), code, build.__module__, build.__qualname__, *map(str, told))
-    return f"{build.__name__.strip('_')}-{mark(repr(parts).encode())}"
+    parts = (ca.CasadiMeta.version(), code, build.__module__, build.__qualname__, *map(str, texts))
+    return f"{build.__name__.strip('_')}-{content_hash(repr(parts).encode())}"
 
 
-def _told(value: Any) -> str | None:
+def _text(value: Any) -> str | None:
     """Text that identifies a value uniquely; None if it depends on code outside this package."""
     if isinstance(value, _HasEquations):
-        return _told(value.equations)
+        return _text(value.equations)
     if isinstance(value, tuple):
-        told = [_told(each) for each in value]
-        return None if None in told else repr(told)
+        texts = [_text(each) for each in value]
+        return None if None in texts else repr(texts)
     if isinstance(value, type):
         return f"{value.__module__}.{value.__qualname__}" if value.__module__.startswith("plant.") else None
     return repr(value) if value is None or isinstance(value, bool | int | float | str) else None
@@ -77,6 +77,6 @@ def _code() -> str:
     root = Path(__file__).parent.parent
     try:
         files = sorted(path for name in _BUILDERS for path in (root / name).rglob("*.py"))
-        return mark(b"".join(path.read_bytes() for path in files))
+        return content_hash(b"".join(path.read_bytes() for path in files))
     except OSError:
         return ""

@@ -66,10 +66,10 @@ class Symbolic:
     @classmethod
     def of(cls, model: ServoModel) -> Symbolic:
         """Build it for a model."""
-        nameless = {effect.name for effect in model.effects if isinstance(effect, Nonparametric)}
+        nonparametric = {effect.name for effect in model.effects if isinstance(effect, Nonparametric)}
         found = cls(values=[], symbols=[], parameters=[])
         for spec, value in zip(model.parameters, model.values, strict=True):
-            if spec.name.split(".")[0] in nameless:
+            if spec.name.split(".")[0] in nonparametric:
                 found.values.append(float(value))
                 continue
             name = spec.name.replace(".", "_")

@@ -152,7 +152,7 @@ class _Code:
         """Torque, or force."""
         return strength(self.model)
 
-    def told(self) -> list[str]:
+    def description(self) -> list[str]:
         """Header lines of each file."""
         moving = ", ".join(f"{name} [{unit}]" for name, unit in self.units.items())
         unit, lines = torque_unit(self.model), []
@@ -185,7 +185,7 @@ class _Code:
         return "\n".join(
             [
                 f"/* {name}_feedforward.h",
-                *(f" * {line}" for line in self.told()),
+                *(f" * {line}" for line in self.description()),
                 " */",
                 f"#ifndef {guard}",
                 f"#define {guard}",
@@ -280,7 +280,7 @@ class _Code:
         memory = [line for one in self.equations.remembered for line in (f"{one} : {kind};", f"next_{one} : {kind};")]
         return "\n".join(
             [
-                *(f"(* {line} *)" for line in self.told()),
+                *(f"(* {line} *)" for line in self.description()),
                 f"FUNCTION_BLOCK {block}",
                 "VAR_INPUT",
                 *(f"    {quantity} : {kind}; (* {unit_of} *)" for quantity, unit_of in self.units.items()),

@@ -134,13 +134,13 @@ def _positions(limits: DriveLimits, dt: float) -> list[tuple[str, Array]]:
         raise BadParameter(
             f"At {1.0 / dt:g} samples a second the drive is at full speed after one; plan a higher rate."
         )
-    stand = np.full(round(_REST / dt), middle)
+    still = np.full(round(_REST / dt), middle)
     steps = [
         (middle + side * min(half, 0.5 * _STROKE * share * speed), share * speed)
         for share in _SPEEDS
         for side in (1.0, -1.0)
     ]
-    ways = {
+    trajectories = {
         "moves and stops": [(middle + share * half, speed) for share in _MOVES],
         "slow reversals": [
             (middle + side * min(0.5 * half, 0.2 * _STROKE * share * speed), share * speed)
@@ -149,15 +149,15 @@ def _positions(limits: DriveLimits, dt: float) -> list[tuple[str, Array]]:
         ],
         "staircase of speeds": [*steps, (middle, speed)],
     }
-    parts = [("rest", stand), ("chirp", middle + _chirp(half, speed, acceleration, dt)), ("rest", stand)]
-    for name, way in ways.items():
+    parts = [("rest", still), ("chirp", middle + _chirp(half, speed, acceleration, dt)), ("rest", still)]
+    for name, way in trajectories.items():
         place, pieces = middle, []
         for target, pace in way:
             pieces.append(_move(place, target, pace, acceleration, dt))
             place = target
             if name != "slow reversals":
                 pieces.append(np.full(round(_REST / dt), place))
-        parts += [(name, np.concatenate(pieces)), ("rest", stand)]
+        parts += [(name, np.concatenate(pieces)), ("rest", still)]
     return parts
 
 

@@ -47,7 +47,7 @@ DRIVE_PARAMETERS: Final = (
 )
 """Parameters of each drive, referred to the load; `sense` is the required sign of its follower torque."""
 
-REQUIRED_SENSE: Final = (-1.0, 1.0)
+REQUIRED_DIRECTION: Final = (-1.0, 1.0)
 """Required signs of D1 and D2: D1 pulls backward (xi1 > 0), D2 forward (xi2 < 0)."""
 
 
@@ -56,22 +56,22 @@ def states(drives: int) -> int:
     return 2 + 4 * drives
 
 
-def flank_torque(gap: Any, gap_rate: Any, *, half_play: Any, stiffness: Any, damping: Any) -> Any:
+def flank_torque(relative_angle: Any, relative_velocity: Any, *, half_play: Any, stiffness: Any, damping: Any) -> Any:
     """Torque transmitted from a rotor to the load through the gear contact, referred to the load [N m].
 
     Dead zone, spring and damper, clipped to pushing (Nordin, Galic, Gutman 1997): no torque is transmitted within the
     backlash; on either flank a tooth can push but never pull, at any velocity.
 
     Args:
-        gap: rotor angle less load angle [rad], zero in the middle of the backlash.
-        gap_rate: its derivative [rad/s].
+        relative_angle: rotor angle less load angle [rad], zero in the middle of the backlash.
+        relative_velocity: its derivative [rad/s].
         half_play: half of the backlash [rad].
         stiffness: of a flank pair in contact [N m/rad].
         damping: of a flank pair in contact [N m s/rad].
     """
-    forward = ca.fmax(0.0, stiffness * (gap - half_play) + damping * gap_rate)
-    backward = ca.fmin(0.0, stiffness * (gap + half_play) + damping * gap_rate)
-    return ca.if_else(gap > half_play, forward, ca.if_else(gap < -half_play, backward, 0.0))
+    forward = ca.fmax(0.0, stiffness * (relative_angle - half_play) + damping * relative_velocity)
+    backward = ca.fmin(0.0, stiffness * (relative_angle + half_play) + damping * relative_velocity)
+    return ca.if_else(relative_angle > half_play, forward, ca.if_else(relative_angle < -half_play, backward, 0.0))
 
 
 def motor_torque(before: Any, command: Any, velocity: Any, *, lag: Any, stall_torque: Any, emf_damping: Any) -> Any:
@@ -146,8 +146,8 @@ def fine_steps(drives: int) -> Any:
         )
         load += passed
         free = w + h / d["rotor_inertia"] * (motor - passed - d["rotor_viscous"] * w)
-        rubs = d["rotor_coulomb"] + p["mesh_friction"] * ca.fabs(passed)
-        w_next = _rub(free, h / d["rotor_inertia"] * rubs)
+        friction = d["rotor_coulomb"] + p["mesh_friction"] * ca.fabs(passed)
+        w_next = _rub(free, h / d["rotor_inertia"] * friction)
         rates.append(w_next)
         rotors.append(q + h * w_next)
         least.append(ca.fmin(least_before, d["sense"] * passed))

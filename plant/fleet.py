@@ -101,10 +101,10 @@ class Fleet:
     def _flank_torques(self, rows: Array) -> Array:
         """(..., B, m) flank torques of states (..., B, S)."""
         m = self._drives
-        gap, rate = rows[..., 2 : 2 + m] - rows[..., :1], rows[..., 2 + m : 2 + 2 * m] - rows[..., 1:2]
-        pressed = np.maximum(np.abs(gap) - self._half_play, 0.0)
-        push = self._stiffness * pressed + self._damping * np.sign(gap) * rate
-        passed = np.sign(gap) * np.where(pressed > 0.0, np.maximum(push, 0.0), 0.0)
+        relative_angle, rate = rows[..., 2 : 2 + m] - rows[..., :1], rows[..., 2 + m : 2 + 2 * m] - rows[..., 1:2]
+        pressed = np.maximum(np.abs(relative_angle) - self._half_play, 0.0)
+        push = self._stiffness * pressed + self._damping * np.sign(relative_angle) * rate
+        passed = np.sign(relative_angle) * np.where(pressed > 0.0, np.maximum(push, 0.0), 0.0)
         return np.asarray(self._senses * passed)
 
     def least_flank_torques(self, state: FleetState) -> Array:
@@ -113,17 +113,17 @@ class Fleet:
 
     def measure(self, state: FleetState, noise: ArrayLike = 0.0) -> Array:
         """(B,) load angles measured by their encoders [rad], with noise (B,) in standard deviations."""
-        return self._load_readings(recent_values(state.rows, state.trail, self._delay), noise)
+        return self._load_measurements(recent_values(state.rows, state.trail, self._delay), noise)
 
     def motor_angles(self, state: FleetState, noise: ArrayLike = 0.0) -> Array:
         """(B, m) motor shaft angles measured by their encoders [rad], with noise (B, m) in standard deviations."""
-        return self._motor_readings(recent_values(state.rows, state.trail, self._delay), noise)
+        return self._motor_measurements(recent_values(state.rows, state.trail, self._delay), noise)
 
-    def _load_readings(self, angles: Array, noise: ArrayLike) -> Array:
+    def _load_measurements(self, angles: Array, noise: ArrayLike) -> Array:
         """(..., B) load measurements for angles (..., B, 1 + m) as from `plant.encoder.recent_values`."""
         return counted(angles[..., 0] + self._encoder_noise * np.asarray(noise), self._counts)
 
-    def _motor_readings(self, angles: Array, noise: ArrayLike) -> Array:
+    def _motor_measurements(self, angles: Array, noise: ArrayLike) -> Array:
         """(..., B, m) motor measurements for angles (..., B, 1 + m) as from `plant.encoder.recent_values`."""
         turned = self._shaft_map * angles[..., 1:]
         return counted(turned + self._motor_noise * np.asarray(noise), self._motor_counts)
@@ -170,10 +170,10 @@ class Fleet:
         return FleetRecord(
             time=np.arange(length, dtype=np.float64) * sample_time,
             torques=commands.copy(),
-            angle=self._load_readings(shown, noise),
+            angle=self._load_measurements(shown, noise),
             true_angle=rows[:-1, :, 0].copy(),
             velocity=rows[:-1, :, 1].copy(),
-            motor_angles=self._motor_readings(shown, shake),
+            motor_angles=self._motor_measurements(shown, shake),
             given_torques=given / self._torque_map,
             flank_torques=self._flank_torques(rows[:-1]),
             least_flank_torques=least + 0.0,  # no minus zero

@@ -194,8 +194,8 @@ def _describe(variables: xml.Element, reference: int, variable: Variable) -> Non
     )
     changes = {"input": "discrete" if variable.whole else "continuous", "output": "discrete", "parameter": "fixed"}
     entry.set("variability", changes[variable.causality])
-    told = {} if variable.causality == "output" else {"start": repr(float(variable.start))}
-    told |= {"unit": variable.unit} if variable.unit else {}
-    told |= {"min": repr(float(variable.lower))} if variable.lower > -float("inf") else {}
-    told |= {"max": repr(float(variable.upper))} if variable.upper < float("inf") else {}
-    xml.SubElement(entry, "Integer" if variable.whole else "Real", told)
+    attributes = {} if variable.causality == "output" else {"start": repr(float(variable.start))}
+    attributes |= {"unit": variable.unit} if variable.unit else {}
+    attributes |= {"min": repr(float(variable.lower))} if variable.lower > -float("inf") else {}
+    attributes |= {"max": repr(float(variable.upper))} if variable.upper < float("inf") else {}
+    xml.SubElement(entry, "Integer" if variable.whole else "Real", attributes)

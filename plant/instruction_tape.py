@@ -177,7 +177,7 @@ class InstructionTape:
         return file.getvalue()
 
     @property
-    def mark(self) -> str:
+    def identifier(self) -> str:
         """Hash, equal for equal tapes only."""
         arrays = (self.constants, self.kinds, self.counts, self.first, self.second, self.outputs)
         sizes = repr((self.inputs, self.carried, self.shown, self.once))

@@ -107,10 +107,10 @@ def _moment(model: ServoModel, step: Step, begin: Any, motion: tuple[Any, Any], 
 
 def _accelerates(model: ServoModel, own: Own, step: Step, begin: Any, direction: Any) -> Callable[..., Any]:
     """Acceleration of the load by angle, velocity, torque and elapsed time; built once for all Runge-Kutta stages."""
-    angle, velocity, torque, elapsed = asked = [ca.SX.sym("asked") for _ in range(4)]
+    angle, velocity, torque, elapsed = symbols = [ca.SX.sym("symbol") for _ in range(4)]
     at = _moment(model, step, begin, (angle, velocity), torque, elapsed)
     acceleration = model.smooth_acceleration(at, own) - _slowing(model, at, direction)
-    return lambda *values: _at(acceleration, asked, values)
+    return lambda *values: _at(acceleration, symbols, values)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,36 +118,36 @@ class _Way:
     """The torque through the actuator in a step, for any motion of the load; built once for all stages.
 
     Attributes:
-        asked: symbols of angle and velocity of the load, for the drive's law, and velocity of the motor.
+        symbols: symbols of angle and velocity of the load, for the drive's law, and velocity of the motor.
         course: of the torque after the actuator.
         states: of the actuator's effects after the step.
     """
 
-    asked: list[Any]
+    symbols: list[Any]
     course: Course
     states: dict[str, tuple[Any, ...]]
 
     @classmethod
     def of(cls, model: ServoModel, own: Own, step: Step) -> _Way:
-        angle, velocity, motor = asked = [ca.SX.sym("asked") for _ in range(3)]
+        angle, velocity, motor = symbols = [ca.SX.sym("symbol") for _ in range(3)]
         course, states = actuated(model, own, step.drive(model, own, angle, velocity), step.length, motor)
-        return cls(asked=asked, course=course, states=states)
+        return cls(symbols=symbols, course=course, states=states)
 
     def torque(self, part: str, *motion: Any) -> Any:
         """Torque at the start, middle or end of the step [N m]."""
-        return _at(getattr(self.course, part), self.asked, motion)
+        return _at(getattr(self.course, part), self.symbols, motion)
 
     def after(self, *motion: Any) -> dict[str, tuple[Any, ...]]:
         """The states after the step."""
-        return {name: tuple(_at(each, self.asked, motion) for each in own) for name, own in self.states.items()}
+        return {name: tuple(_at(each, self.symbols, motion) for each in own) for name, own in self.states.items()}
 
 
-def _at(expression: Any, asked: list[Any], values: Sequence[Any]) -> Any:
+def _at(expression: Any, symbols: list[Any], values: Sequence[Any]) -> Any:
     """An expression with values substituted for its symbols."""
     expression = ca.SX(expression)
-    if not ca.depends_on(expression, ca.vertcat(*asked)):
+    if not ca.depends_on(expression, ca.vertcat(*symbols)):
         return expression
-    return ca.substitute(expression, ca.vertcat(*asked), ca.vertcat(*values))
+    return ca.substitute(expression, ca.vertcat(*symbols), ca.vertcat(*values))
 
 
 def _own_after(

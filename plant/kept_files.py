@@ -22,7 +22,7 @@ _LONG = 90 * 86400.0  # [s]
 _MOST = 10_000  # folders, of 50 kB on average
 
 
-def mark(content: bytes) -> str:
+def content_hash(content: bytes) -> str:
     """Hash of a content, used as a name."""
     return hashlib.sha256(content).hexdigest()[:24]
 
@@ -31,7 +31,7 @@ def kept(folder: str, ending: str) -> Path | None:
     """The complete file in a folder of the cache; None if there is none, or none that can be read."""
     try:
         for path in (_cache() / folder).glob(f"*.{ending}"):
-            if path.stem == mark(path.read_bytes()):
+            if path.stem == content_hash(path.read_bytes()):
                 with suppress(OSError):  # no permission to write
                     os.utime(path.parent)
                 return path
@@ -55,7 +55,7 @@ def keep(folder: str, content: bytes, ending: str) -> None:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())  # otherwise a power failure may leave the new name without the content
-    os.replace(beside, place / f"{mark(content)}.{ending}")
+    os.replace(beside, place / f"{content_hash(content)}.{ending}")
 
 
 @lru_cache(maxsize=1)

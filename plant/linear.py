@@ -17,7 +17,7 @@ from plant.simulation import at_switch, beginning, whole_samples
 from plant.symbolic import one_at_a_time
 
 _ITERATIONS = 50
-_CREEP = 1e-3
+_SLOW = 1e-3
 """Smoothing of dry friction in the search for rest [rad/s]; it selects the torque that needs no stiction."""
 _STARTS = (0.0, *(sign * 10.0**k for k in range(-3, 5) for sign in (1, -1)))
 """Torques to begin with [N m]: a dead zone has zero slope inside, a saturation outside."""
@@ -92,7 +92,7 @@ def operating_point(
     for torque in _STARTS:
         state = beginning(model, angle=angle, velocity=velocity, torque=torque)
         for _ in range(_ITERATIONS):
-            at = _inputs(torque, sample_time, width if velocity else max(width, _CREEP))
+            at = _inputs(torque, sample_time, width if velocity else max(width, _SLOW))
             following, A, B = (np.array(part) for part in derivatives(state, at, values))
             off = (following[:, 0] - state - moving)[1:]
             slopes = np.column_stack(((A - np.eye(state.size))[1:, 2:], B[1:].sum(axis=1)))

@@ -45,14 +45,14 @@ class MachineCode:
     """
 
     def __init__(
-        self, name: str, source: str | Callable[[], str], *, mark: str | None = None, start: bool = True
+        self, name: str, source: str | Callable[[], str], *, identifier: str | None = None, start: bool = True
     ) -> None:
         """Look for the library of a source.
 
         Args:
             name: of the library.
             source: its C code, or a function that returns it when it is needed.
-            mark: identifier that is equal for equal sources only; by default the source itself.
+            identifier: identifier that is equal for equal sources only; by default the source itself.
             start: whether to start the compiler at once if there is no library yet, instead of in `start`.
         """
         self._lock = threading.Lock()
@@ -66,8 +66,10 @@ class MachineCode:
         tuned, processor = _for_this_processor(command)
         self._command = (*tuned, *_FLAGS)
         machine = (sys.platform, platform.machine(), processor)  # several machines may share a home folder
-        mark = self._text() if mark is None else mark
-        self._kept = "-".join((name, kept_files.mark("\n".join((*machine, *self._command, mark)).encode())))
+        identifier = self._text() if identifier is None else identifier
+        self._kept = "-".join(
+            (name, kept_files.content_hash("\n".join((*machine, *self._command, identifier)).encode()))
+        )
         if start:
             self.start()
         else:
@@ -206,12 +208,12 @@ def _for_this_processor(command: tuple[str, ...]) -> tuple[tuple[str, ...], str]
     """
     tuned = (command[0], _NATIVE, *command[1:])
     try:
-        asked = subprocess.run(
+        answer = subprocess.run(
             [*tuned, "-dM", "-E", "-x", "c", os.devnull], capture_output=True, text=True, timeout=_ANSWER, check=True
         )
     except (OSError, ValueError, subprocess.SubprocessError):
         return command, ""
-    return tuned, asked.stdout
+    return tuned, answer.stdout
 
 
 def _words(text: str) -> list[str]:

@@ -166,8 +166,8 @@ def _parse(content: Any, known: Mapping[str, type[Effect]]) -> ModelFile:
     schema = content.get("schema")
     kind = next((kind for key, kind in _OTHERS.items() if key in content), None)
     if kind is not None or schema is None:
-        told = "without a schema this is no model" if kind is None else f"this is {kind}"
-        raise BadModelFile(f"{told}; give the model.json that `antidrive identify` or `diagnose` wrote.")
+        reason = "without a schema this is no model" if kind is None else f"this is {kind}"
+        raise BadModelFile(f"{reason}; give the model.json that `antidrive identify` or `diagnose` wrote.")
     if not isinstance(schema, int) or isinstance(schema, bool) or not 0 < schema <= SCHEMA:
         raise BadModelFile(f"schema is {schema!r}; this version reads schemas 1 to {SCHEMA}.")
     axis = content.get("axis", "rotary")

@@ -49,7 +49,7 @@ def modelica_class(model: ServoModel, *, name: str = "Antidrive") -> ModelicaCla
         raise BadParameter(f"name {name!r}: write letters, digits and underscores, beginning with a letter.")
     timeless = model.without_clock()
     kept = {effect.name for effect in timeless.effects}
-    others = [e.title for e in timeless.effects if e.states and not _said(e)]
+    others = [e.title for e in timeless.effects if e.states and not _is_written(e)]
     clocked = [effect.title for effect in model.effects if effect.name not in kept]
     left_out = [f"Not in it: {', '.join(others)}."] if others else []
     if clocked:
@@ -57,7 +57,7 @@ def modelica_class(model: ServoModel, *, name: str = "Antidrive") -> ModelicaCla
     return ModelicaClass(text=_text(timeless, name, left_out), left_out=tuple(left_out))
 
 
-def _said(effect: Effect) -> bool:
+def _is_written(effect: Effect) -> bool:
     return effect.flexible or isinstance(effect, ActuatorLag) or effect.states == (State.RELAXED,)
 
 

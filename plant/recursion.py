@@ -26,7 +26,9 @@ from plant.symbolic import one_at_a_time
 Array: TypeAlias = NDArray[np.float64]
 CHUNK = 250  # rows per call of the virtual machine
 PIECE = 4096  # rows executed by instructions before it is checked whether the compiler has finished
-PATIENCE = 150_000  # rows after which the compiler starts, if each instruction counts once: as long as it takes
+ROWS_BEFORE_COMPILING = (
+    150_000  # rows after which the compiler starts, if each instruction counts once: as long as it takes
+)
 _DUST = 1e-150  # its square is still not denormal
 
 _LOOP = """
@@ -76,9 +78,11 @@ class Recursion:
         self._build, self._handed = build, carried
         self._built: Any = None
         tape = self._tape = _instructions(lambda: self._function, carried, kept)
-        mark = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, repr(_DUST), tape.mark))
-        self._code = MachineCode("recursion", self._source, mark=mark, start=tape is None)
-        self._patience = 0 if tape is None else PATIENCE * tape.written // max(len(tape.first), 1)
+        identifier = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, repr(_DUST), tape.identifier))
+        self._code = MachineCode("recursion", self._source, identifier=identifier, start=tape is None)
+        self._rows_before_compiling = (
+            0 if tape is None else ROWS_BEFORE_COMPILING * tape.written // max(len(tape.first), 1)
+        )
         self._followed = 0  # rows, without machine code
         self._chunk: Any = None
         # (S,) number of elements of each output that is not carried on
@@ -141,7 +145,7 @@ class Recursion:
         It runs in parallel to the program, most of whose threads wait for one of them most of the time. Only the
         virtual machine is so slow that it is better to wait.
         """
-        if self._code.library is None and self._followed >= self._patience:
+        if self._code.library is None and self._followed >= self._rows_before_compiling:
             self._code.start()
             if self._tape is None:
                 self._code.wait()

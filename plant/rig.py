@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
-from plant.flank import DRIVE_PARAMETERS, LOAD_PARAMETERS, REQUIRED_SENSE
+from plant.flank import DRIVE_PARAMETERS, LOAD_PARAMETERS, REQUIRED_DIRECTION
 from plant.fleet import Fleet
 from plant.gears import GearTrain
 from plant.rig_record import FleetState, RigRecord, RigState
@@ -161,7 +161,7 @@ class Rig:
     @cached_property
     def senses(self) -> Array:
         """(m,) required sign of each drive's follower torque."""
-        return np.array(REQUIRED_SENSE)[self._pinions]
+        return np.array(REQUIRED_DIRECTION)[self._pinions]
 
     @property
     def rotor_inertias(self) -> Array:

@@ -91,7 +91,7 @@ class Patient:
             case "covariance spoilt":
                 controller.estimator.kalman[3 + len(self._state) :] = rng.choice([np.nan, -1.0, 1e200, 0.0])
             case "memory spoilt":
-                name = str(rng.choice(["plan", "path", "told", "load", "bounds", "watched"]))
+                name = str(rng.choice(["plan", "path", "history", "load", "bounds", "watched"]))
                 controller._arrays[name][:] = rng.choice([np.nan, np.inf, 1e200, -7.0])
         reference = self._reference(mishap)
         rounds = controller._machine_code.layout.rounds

@@ -22,7 +22,7 @@ class Slave:
         assert validate_fmu(str(path)) == []
         self.description = fmpy.read_model_description(str(path))
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
-        self.said: list[str] = []
+        self.messages: list[str] = []
         unpacked = fmpy.extract(str(path), unzipdir=str(folder / fmu.name))
         self.slave = FMU2Slave(
             guid=self.description.guid,

@@ -23,7 +23,7 @@ PLAIN = ServoModel(inertia=0.8, gravity=0.6, viscous_friction=0.5, effects=(Dead
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spoken:
+class CommandResult:
     """What one command left behind."""
 
     code: int
@@ -31,12 +31,12 @@ class Spoken:
     err: str
 
 
-def antidrive(*words: object) -> Spoken:
+def antidrive(*words: object) -> CommandResult:
     """Run the command line in this process."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main([str(word) for word in words])
-    return Spoken(code=code, out=out.getvalue(), err=err.getvalue())
+    return CommandResult(code=code, out=out.getvalue(), err=err.getvalue())
 
 
 def columns(model: ServoModel = TRUTH, *, seed: int = 0, duration: float = 12.0) -> dict[str, np.ndarray]:

@@ -188,7 +188,7 @@ def oracle(case: Hidden, size: float, log: Log) -> Fit:
     return Problem.of(log, truth).descend(at_truth)
 
 
-def rival_model(case: Hidden, size: float) -> ServoModel:
+def alternative_model(case: Hidden, size: float) -> ServoModel:
     """The nearest kind of model without the effect: the base, with the effect's special case where it has one."""
     start = case.start
     for special in catalogue[case.effect](**case.at(size)).reduced():
@@ -198,11 +198,11 @@ def rival_model(case: Hidden, size: float) -> ServoModel:
     return start
 
 
-def rival(case: Hidden, size: float, log: Log) -> Fit:
+def alternative_fit(case: Hidden, size: float, log: Log) -> Fit:
     """The nearest model without the effect, fitted."""
-    return fit(log, rival_model(case, size))
+    return fit(log, alternative_model(case, size))
 
 
 def evidence(case: Hidden, size: float, log: Log) -> float:
     """lambda: twice the rise in log-likelihood from the rival to the oracle."""
-    return 2.0 * (oracle(case, size, log).log_likelihood - rival(case, size, log).log_likelihood)
+    return 2.0 * (oracle(case, size, log).log_likelihood - alternative_fit(case, size, log).log_likelihood)

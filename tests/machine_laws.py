@@ -215,8 +215,8 @@ class Machine:
         """Torques [N m] at which saturation and dead zone bend."""
         saturated = self.effects.get("torque_saturation", {}).get("limit")
         swallowed = None if "back_emf" in self.effects else self.effects.get("dead_zone", {}).get("half_width")
-        bends = [np.asarray(bend, dtype=float) for bend in (saturated, swallowed) if bend is not None]
-        return [side * bend for bend in bends for side in (-1.0, 1.0)]
+        kinks = [np.asarray(kink, dtype=float) for kink in (saturated, swallowed) if kink is not None]
+        return [side * kink for kink in kinks for side in (-1.0, 1.0)]
 
     def delivered(self, torque: Array, x: Array, v: Array) -> Array:
         """Of a drive at an angle and a speed [N m]; to a position servo the torque is a goal still [rad]."""
@@ -261,8 +261,8 @@ class Machine:
         if p := self.effects.get("cogging"):
             total = total + p["amplitude"] * np.sin(p["order"] * x + p["phase"])
         if p := self.effects.get("cable_stiffness"):
-            bend = x - p["rest_angle"]
-            total = total - p["stiffness"] * bend - p["cubic"] * bend**3
+            deflection = x - p["rest_angle"]
+            total = total - p["stiffness"] * deflection - p["cubic"] * deflection**3
         if p := self.effects.get("end_stop"):
             stiffness = np.asarray(p["stiffness"])  # below zero: a stop at the lower end
             total = total - stiffness * np.maximum(np.sign(stiffness) * (x - p["angle"]), 0.0)

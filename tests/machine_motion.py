@@ -161,8 +161,8 @@ def _sensor(machine: Machine, seen: Array, start: Array, end: Array, h: Array) -
     if not (p := machine.effects.get("sensor_lag")):
         return machine.reading(end[0])
     (x, v), (new_x, new_v), place = start[:2], end[:2], np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
-    bend = place * (1.0 - place) * ((1.0 - place) * (v * h - new_x + x) - place * (new_v * h - new_x + x))
-    way = machine.reading(x + place * (new_x - x) + bend)  # cubic, with the speeds at both ends (Hermite)
+    curvature = place * (1.0 - place) * ((1.0 - place) * (v * h - new_x + x) - place * (new_v * h - new_x + x))
+    way = machine.reading(x + place * (new_x - x) + curvature)  # cubic, with the speeds at both ends (Hermite)
     steps = np.where(h > 0.0, p["time_constant"] / np.where(h > 0.0, h, 1.0), 0.0) * _PIECES
     fade = np.exp(-h / _PIECES / p["time_constant"])
     for old, new in pairwise(way):

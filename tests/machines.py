@@ -72,7 +72,7 @@ class Ask:
 DT = 0.005
 
 
-def asked(rng: np.random.Generator, allocator: Allocator, count: int) -> list[Ask]:
+def requests(rng: np.random.Generator, allocator: Allocator, count: int) -> list[Ask]:
     """Demands within reach, out of reach and at its very edge; half of them from where an earlier one had led."""
     found, before = [], allocator.at_rest()
     for _ in range(count):

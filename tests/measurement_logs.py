@@ -39,11 +39,11 @@ def tdms(path, *groups, units=None, waveform=True, segments=6):
                 for name, values in group.items():
                     if waveform and name == "time":
                         continue
-                    said = {"unit_string": units[name]} if name in units else {}
+                    properties = {"unit_string": units[name]} if name in units else {}
                     if waveform:
                         start = START + np.timedelta64(round(1e6 * time[0]), "us")
-                        said |= {"wf_start_time": start, "wf_increment": time[1] - time[0], "wf_samples": 1}
-                    objects.append(ChannelObject(f"group {g}", name, np.array_split(values, segments)[k], said))
+                        properties |= {"wf_start_time": start, "wf_increment": time[1] - time[0], "wf_samples": 1}
+                    objects.append(ChannelObject(f"group {g}", name, np.array_split(values, segments)[k], properties))
             file.write_segment(objects)
     return path
 
@@ -57,9 +57,11 @@ def mcap(path, topics, encoding="json", other=()):
     for topic, columns in topics.items():
         channel = file.register_channel(topic=topic, message_encoding=encoding, schema_id=schema)
         for row in zip(*columns.values(), strict=True):
-            said = {name: value for name, value in zip(columns, row, strict=True) if value == value}
-            stamp = 1_700_000_000_000_000_000 + round(1e9 * said.pop("time"))
-            nested = {"drive": said, "state": "on", "pair": [said["angle"], 0.5]} if "angle" in said else said
+            message = {name: value for name, value in zip(columns, row, strict=True) if value == value}
+            stamp = 1_700_000_000_000_000_000 + round(1e9 * message.pop("time"))
+            nested = (
+                {"drive": message, "state": "on", "pair": [message["angle"], 0.5]} if "angle" in message else message
+            )
             data = json.dumps(nested).encode()
             file.add_message(channel_id=channel, log_time=stamp, publish_time=stamp, data=data)
     for topic in other:

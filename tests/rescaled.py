@@ -69,12 +69,12 @@ def _apart(a: FittedParameter, b: FittedParameter, units: Units) -> float:
 
 def differences(one: Diagnosis, other: Diagnosis, units: Units) -> Iterator[tuple[str, float]]:
     """The same of two diagnoses; of what is said and not counted, infinity where it differs."""
-    said = [
+    lines = [
         (d.verdict, [c.effect for c in d.causes], [m.effect for m in d.minor], d.unexplained.depends_on)
         for d in (one, other)
     ]
-    if said[0] != said[1]:
-        yield f"{said[0]} or {said[1]}", float("inf")
+    if lines[0] != lines[1]:
+        yield f"{lines[0]} or {lines[1]}", float("inf")
         return
     for a, b in zip(one.causes, other.causes, strict=True):
         yield f"probability of {a.effect}", abs(b.probability - a.probability)

@@ -45,10 +45,10 @@ def identified(rough: RoughLog) -> Tried:
 
     def work() -> str:
         found = fit(rough.log())
-        told = [fit_to_dict(found), fit_report(found), blind_spots(found), found.initial.tolist()]
+        reported = [fit_to_dict(found), fit_report(found), blind_spots(found), found.initial.tolist()]
         if found.failed is not None:
             return f"failed: {found.failed}"
-        _all_finite(told)
+        _all_finite(reported)
         return "fitted" if not found.unidentifiable else f"fitted, {len(found.unidentifiable)} not told"
 
     return _tried(work, START + A_SAMPLE * rough.time.size)
@@ -85,15 +85,15 @@ def _tried(work: Any, allowed: float) -> Tried:
     return Tried(outcome=outcome, seconds=time.process_time() - begun, allowed=allowed, wrong=wrong)
 
 
-def _all_finite(told: Any, where: str = "result") -> None:
+def _all_finite(content: Any, where: str = "result") -> None:
     """Raise unless every number in nested lists and dictionaries is one; no text says `nan` either."""
-    if isinstance(told, dict):
-        for name, value in told.items():
+    if isinstance(content, dict):
+        for name, value in content.items():
             _all_finite(value, f"{where}.{name}")
-    elif isinstance(told, list | tuple):
-        for value in told:
+    elif isinstance(content, list | tuple):
+        for value in content:
             _all_finite(value, where)
-    elif isinstance(told, float) and not math.isfinite(told):
-        raise ArithmeticError(f"{where} is {told}")
-    elif isinstance(told, str) and {"nan", "inf"} & set(told.lower().replace("%", " ").split()):
-        raise ArithmeticError(f"{where} says {told!r}")
+    elif isinstance(content, float) and not math.isfinite(content):
+        raise ArithmeticError(f"{where} is {content}")
+    elif isinstance(content, str) and {"nan", "inf"} & set(content.lower().replace("%", " ").split()):
+        raise ArithmeticError(f"{where} says {content!r}")

@@ -33,10 +33,10 @@ def swept(teeth: Teeth, seed: int, *, visits: int = 8, length: int = 500, creep:
     rng = np.random.default_rng(seed)
     part = (np.arange(length) + 1.0) / length
     size = np.tile(0.5 + 7.5 * (1.0 - np.abs(2.0 * part - 1.0)), visits)
-    told = np.repeat(np.where(np.arange(visits) % 2, -1.0, 1.0), length) * size
-    acts = 0.5 * (told + np.concatenate((told[:1], told[:-1])))
+    commanded = np.repeat(np.where(np.arange(visits) % 2, -1.0, 1.0), length) * size
+    acts = 0.5 * (commanded + np.concatenate((commanded[:1], commanded[:-1])))
     grows = np.tile(np.where(part <= 0.5 + 0.5 / length, 1.0, -1.0), visits)
-    load = rng.uniform(0.0, 1.0) * 1e-3 + creep * np.arange(told.size)
+    load = rng.uniform(0.0, 1.0) * 1e-3 + creep * np.arange(commanded.size)
     count, turn = 2 * np.pi / 2**teeth.bits, 2 * np.pi / 2**teeth.motor_bits
     rotors = []
     for drive, sense in enumerate((-1.0, 1.0)):
@@ -45,16 +45,16 @@ def swept(teeth: Teeth, seed: int, *, visits: int = 8, length: int = 500, creep:
         twist = np.sign(sense * acts) * (0.5 * teeth.gaps[drive] + passed / teeth.stiffness[drive])
         rotors.append(load + 0.3 * drive + twist)
     shafts = np.column_stack(rotors) * GEARS.pre_reduction * GEARS.angle_map
-    pinions = np.column_stack((-told, told)) / GEARS.torque_map
+    pinions = np.column_stack((-commanded, commanded)) / GEARS.torque_map
     reading = np.round((load + teeth.noise * rng.standard_normal(load.size)) / count) * count
     run = Run(
         label="sweep",
         number=0,
-        time=np.arange(told.size) * 1e-3,
+        time=np.arange(commanded.size) * 1e-3,
         command=GEARS.follower_torque(pinions),
         output=reading,
-        valid=np.ones(told.size, dtype=bool),
-        servo_gain=np.zeros(told.size),
+        valid=np.ones(commanded.size, dtype=bool),
+        servo_gain=np.zeros(commanded.size),
         drive_angles=np.round(shafts / turn) * turn,
         torques=pinions,
     )

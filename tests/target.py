@@ -66,16 +66,16 @@ def built(files: Mapping[str, str], folder: Path, *flags: str, main: str = "driv
         (folder / name).write_text(text)
     (code,) = (name for name in files if name.endswith("controller.c"))
     line = ["gcc", *STRICT, *flags, code, *([main] if main else []), "-o", "program", "-lm"]
-    said = subprocess.run(line, cwd=folder, capture_output=True, text=True)
-    assert said.returncode == 0, said.stderr
+    result = subprocess.run(line, cwd=folder, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
     return folder / "program"
 
 
 def played(program: Path, lines: str) -> tuple[Array, tuple[str, ...]]:
     """Torques (T, 2) and statuses in words that a driver answers."""
-    said = subprocess.run([program], input=lines, capture_output=True, text=True, cwd=program.parent)
-    assert (said.returncode, said.stderr) == (0, "")
-    head, *rows = said.stdout.splitlines()
+    result = subprocess.run([program], input=lines, capture_output=True, text=True, cwd=program.parent)
+    assert (result.returncode, result.stderr) == (0, "")
+    head, *rows = result.stdout.splitlines()
     assert head == "torque_1,torque_2,status"
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
     reasons = [sentence(int(code)) for code in table[:, 2]]

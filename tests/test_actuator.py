@@ -13,11 +13,11 @@ from plant.simulation import simulate
 
 
 def test_a_linear_law_moves_the_whole_course() -> None:
-    bent = Course(start=1.0, half=1.5, end=4.0, early=0.1, path=lambda share: 1.0 + 3.0 * share**2)
-    moved = bent.moved(2.0, -1.0)
+    parabolic = Course(start=1.0, half=1.5, end=4.0, early=0.1, path=lambda share: 1.0 + 3.0 * share**2)
+    moved = parabolic.moved(2.0, -1.0)
     assert (moved.start, moved.half, moved.end, moved.early) == (1.0, 2.0, 7.0, 0.1)
-    assert moved.at(0.3) == pytest.approx(2.0 * bent.at(0.3) - 1.0)
-    assert moved.mean == pytest.approx(2.0 * bent.mean - 1.0)
+    assert moved.at(0.3) == pytest.approx(2.0 * parabolic.at(0.3) - 1.0)
+    assert moved.mean == pytest.approx(2.0 * parabolic.mean - 1.0)
     straight = Course(start=1.0, half=2.5, end=4.0, early=0.0).moved(2.0, -1.0)
     assert straight.at(0.25) == pytest.approx(2.5)
 

@@ -99,7 +99,7 @@ def test_the_closed_form_is_the_best_of_all_preloads(
     assert gears.follower_torque(best) == pytest.approx(torque, abs=1e-9 * np.max(gears.mesh_ratios))
 
 
-def test_equal_gears_give_the_known_heat() -> None:
+def test_equal_gears_give_the_known_copper_loss() -> None:
     allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3)
     result = allocator.allocate(1.0)
     n, teeth_of_pinion = 161 / 20, 20
@@ -142,7 +142,7 @@ def test_an_accelerating_rotor_takes_torque_from_its_drive() -> None:
     assert bounds.reachable(-3.0) == pytest.approx([n2 * 0.02 - n1 * 0.3, n2 * 0.3 - n1 * (0.02 + taken_1)])
 
 
-def test_says_when_the_flank_cannot_be_held() -> None:
+def test_reports_when_the_flank_cannot_be_held() -> None:
     allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, rotor_inertia=1e-5)
     result = allocator.allocate(0.0, 1e3)
     assert "acceleration" in result.status

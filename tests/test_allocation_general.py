@@ -168,7 +168,7 @@ def test_rotors_of_several_joints_follow_the_transposed_map() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bad", "says"),
+    ("bad", "message"),
     [
         ({"gears": [[1.0, 1.0]]}, "null vector"),
         ({"gears": [[1.0, -1.0], [2.0, -2.0]]}, "null vector"),
@@ -184,19 +184,19 @@ def test_rotors_of_several_joints_follow_the_transposed_map() -> None:
         ({"solver": "pencil"}, "pencil"),
     ],
 )
-def test_refuses_what_cannot_be(bad: dict[str, object], says: str) -> None:
+def test_refuses_what_cannot_be(bad: dict[str, object], message: str) -> None:
     good: dict[str, object] = {"gears": THREE, "min_torque": 0.02, "max_torque": 0.3}
-    with pytest.raises(BadParameter, match=says):
+    with pytest.raises(BadParameter, match=message):
         Allocator(**{**good, **bad})  # type: ignore[arg-type]
 
 
-def test_says_which_drive_has_crossed_limits() -> None:
+def test_reports_which_drive_has_crossed_limits() -> None:
     with pytest.raises(InfeasibleTorque, match="drive 2"):
         Allocator(THREE, min_torque=(0.1, 0.4, 0.1), max_torque=0.3)
 
 
 @pytest.mark.parametrize(
-    ("torque", "more", "says"),
+    ("torque", "more", "message"),
     [
         (1.0, {}, "2 joints"),
         ([1.0, 2.0, 3.0], {}, "2 joints"),
@@ -207,14 +207,14 @@ def test_says_which_drive_has_crossed_limits() -> None:
         ([1.0, 1.0], {"before": False, "dt": 0.1}, "2 torques"),
     ],
 )
-def test_refuses_demands_that_do_not_fit(torque: object, more: dict[str, object], says: str) -> None:
+def test_refuses_demands_that_do_not_fit(torque: object, more: dict[str, object], message: str) -> None:
     allocator = Allocator(THREE, min_torque=0.02, max_torque=0.3)
     if "before" in more:
         more = {
             **more,
             "before": (allocator if more["before"] else Allocator(PAPER, min_torque=0, max_torque=1)).at_rest(),
         }
-    with pytest.raises(BadParameter, match=says):
+    with pytest.raises(BadParameter, match=message):
         allocator.allocate(torque, **more)  # type: ignore[arg-type]
 
 

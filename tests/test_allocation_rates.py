@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import DT, asked, random_allocator, two_drives
+from machines import DT, random_allocator, requests, two_drives
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
@@ -104,7 +104,7 @@ def test_both_ways_agree_to_a_billionth_of_rated_torque(scale: float) -> None:
     for _ in range(30):
         closed = two_drives(rng, scale)
         solved = replace(closed, solver="osqp")
-        for ask in asked(rng, closed, 20):
+        for ask in requests(rng, closed, 20):
             one, other = (
                 way.allocate(ask.torque, ask.acceleration, before=ask.before, dt=DT) for way in (closed, solved)
             )

@@ -107,8 +107,8 @@ def test_exported_code_gives_the_torques_of_python(name: str, tmp_path: Path) ->
 
 def played_any(program: Path, lines: str) -> np.ndarray:
     """Torques (T, m) that a driver answers."""
-    said = subprocess.run([program], input=lines, capture_output=True, text=True, check=True).stdout.splitlines()
-    return np.array([[float(cell) for cell in line.split(",")[:-1]] for line in said[1:]])
+    printed = subprocess.run([program], input=lines, capture_output=True, text=True, check=True).stdout.splitlines()
+    return np.array([[float(cell) for cell in line.split(",")[:-1]] for line in printed[1:]])
 
 
 @needs_gcc
@@ -187,24 +187,24 @@ def test_what_no_bench_has_is_not_made_up_for_on_it() -> None:
 def test_the_commands_take_the_drives_and_a_model_of_either_axis(tmp_path: Path) -> None:
     linear = ServoModel(inertia=95.0, gravity=0.0, viscous_friction=200.0, axis="linear")
     model = write_model(tmp_path / "linear.json", linear)
-    said = antidrive(
+    result = antidrive(
         "capability", "--model", model, "--ratio", "400,-400", "--max-torque", 2, "--out", tmp_path / "map"
     )
-    assert said.code == 0, said.err
-    assert "from -792 to 792 N at rest" in said.out
-    assert "m/s²" in said.out
-    said = antidrive("allocate", 100, "--model", model, "--ratio", "400,-300", "--max-torque", "2,1", "--json")
-    (split,) = json.loads(said.out)["splits"]
+    assert result.code == 0, result.err
+    assert "from -792 to 792 N at rest" in result.out
+    assert "m/s²" in result.out
+    result = antidrive("allocate", 100, "--model", model, "--ratio", "400,-300", "--max-torque", "2,1", "--json")
+    (split,) = json.loads(result.out)["splits"]
     assert split["torques"] @ np.array([400, -300]) == pytest.approx(100)
-    said = antidrive("export", model, "--ratio", 400, "--one-drive", "--max-torque", 2, "--out", tmp_path / "c")
-    assert said.code == 0, said.err
+    result = antidrive("export", model, "--ratio", 400, "--one-drive", "--max-torque", 2, "--out", tmp_path / "c")
+    assert result.code == 0, result.err
     assert "measured position of the load [m]" in (tmp_path / "c" / "antidrive_controller.h").read_text()
     (tmp_path / "short.toml").write_text(SHORT.replace("[0.3, 0.2]", "2.0"))
     words = ("--ratio", "400,-400", "--encoder-resolution", 1e-6, "--encoder-noise", 1e-6)
-    said = antidrive("simulate", tmp_path / "short.toml", "--model", model, *words, "--out", tmp_path / "sim")
-    assert said.code == 0, said.err
-    assert "µm rms" in said.out
+    result = antidrive("simulate", tmp_path / "short.toml", "--model", model, *words, "--out", tmp_path / "sim")
+    assert result.code == 0, result.err
+    assert "µm rms" in result.out
     assert (tmp_path / "sim" / "trajectory.csv").read_text().startswith("time,reference,position,")
-    said = antidrive("simulate", tmp_path / "short.toml", "--model", model, "--out", tmp_path / "none")
-    assert (said.code, said.err.count("\n")) == (2, 1)
-    assert "--ratio" in said.err
+    result = antidrive("simulate", tmp_path / "short.toml", "--model", model, "--out", tmp_path / "none")
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    assert "--ratio" in result.err

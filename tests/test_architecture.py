@@ -72,7 +72,7 @@ def test_public_names_come_from_their_package(package):
 
 
 @pytest.mark.parametrize("package", MAY_IMPORT)
-def test_every_package_is_typed_and_every_file_says_what_it_is(package):
+def test_every_package_is_typed_and_every_file_states_what_it_is(package):
     assert (ROOT / package / "py.typed").exists()
     for file in (ROOT / package).rglob("*.py"):
         assert ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))), file

@@ -28,7 +28,7 @@ def free(effect: Backlash) -> set[str]:
     return {problem.model.names[place] for place in problem.free}
 
 
-def test_a_fit_moves_the_flanks_only_of_a_gap_between_soft_ones() -> None:
+def test_a_fit_moves_flanks_only_of_backlash_between_soft_ones() -> None:
     assert free(SOFT) - free(HARD) == FLANKS
     assert not FLANKS & free(replace(HARD, flank_frequency=90.0))  # the user states it, with a hard flank's damping
 
@@ -46,7 +46,7 @@ def test_other_flanks_are_tried_and_fitted_after_the_search() -> None:
     assert len({other.flank_damping for other in alike}) > 1
 
 
-def test_between_soft_flanks_without_a_gap_it_is_a_spring() -> None:
+def test_between_soft_flanks_without_backlash_it_is_a_spring() -> None:
     assert HARD.reduced() == ()
     (spring,) = SOFT.reduced()
     assert spring == Compliance(frequency=150.0, damping=0.3, motor_share=0.3)
@@ -70,14 +70,14 @@ def test_flank_stiffness_is_independent_of_the_load() -> None:
 @pytest.mark.parametrize(("rise", "kept"), [(0.9, False), (1.1, True)])
 def test_soft_flanks_pay_for_two_parameters(monkeypatch: pytest.MonkeyPatch, rise: float, kept: bool) -> None:
     """Which share of the inertia is the motor's was decided with the wrong flanks."""
-    asked: list[int] = []
+    requested: list[int] = []
 
     class Searched:
         def __init__(self, effect: Backlash) -> None:
             self.effect = effect
 
         def similar_shapes(self, stage: int) -> tuple[Backlash, ...]:
-            asked.append(stage)
+            requested.append(stage)
             return (self.effect,)
 
         def freer(self) -> tuple[Backlash, ...]:
@@ -108,10 +108,10 @@ def test_soft_flanks_pay_for_two_parameters(monkeypatch: pytest.MonkeyPatch, ris
     monkeypatch.setattr(multistart, "most_promising", lambda problems, *_: problems)
     found = multistart_refit(fitted(HARD, 0.0), fitted(HARD, 0.0), "backlash")
     assert (len(found.free) == 8) == kept
-    assert sorted(asked) == sorted([0, 1, 1, 2, 2] * (2 if kept else 1))  # two ways from afar, side by side
+    assert sorted(requested) == sorted([0, 1, 1, 2, 2] * (2 if kept else 1))  # two ways from afar, side by side
 
 
-def test_gap_search_tries_wider_and_narrower_gaps(
+def test_backlash_search_tries_wider_and_narrower_ones(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Among shares of one width the best peak was missed on random machines, and once the gap was not found at all."""
@@ -159,17 +159,17 @@ def test_the_smoothed_likelihood_decides_between_two_peaks(
         Stub(log_likelihood=height, held_log_likelihood=smooth, model=SimpleNamespace(effect=lambda name: alone))
         for height, smooth in zip((34.0, 30.0), held, strict=True)
     ]
-    told: Any = peaks[0]
+    peak: Any = peaks[0]
     ways = iter([[peaks[1]]])
-    monkeypatch.setattr(multistart, "_climbed", lambda *_, **__: next(ways, []))
-    assert multistart_refit(told, told, "backlash").log_likelihood == chosen
+    monkeypatch.setattr(multistart, "_optimised", lambda *_, **__: next(ways, []))
+    assert multistart_refit(peak, peak, "backlash").log_likelihood == chosen
 
 
 class Stub(SimpleNamespace):
     """A fit as far as the search looks at it."""
 
 
-class Told(dict[str, Any]):
+class Refitted(dict[str, Any]):
     """A fit as far as its lines are read."""
 
     def __init__(self, lines: dict[str, Any], model: ServoModel) -> None:
@@ -177,10 +177,10 @@ class Told(dict[str, Any]):
         self.model = model
 
 
-def test_they_count_as_parameters_of_the_contestant_and_are_told() -> None:
+def test_they_count_as_parameters_and_are_reported() -> None:
     for effect, more in ((HARD, 0), (SOFT, 2)):
         model = ServoModel(effects=(effect,))
         lines = {name: SimpleNamespace(std=0.1, unit="") for name in model.names}
 
-        told: Any = Told({**lines}, model)
-        assert len(estimates(told, "backlash")) == 2 + more
+        refitted: Any = Refitted({**lines}, model)
+        assert len(estimates(refitted, "backlash")) == 2 + more

@@ -211,19 +211,19 @@ BAD_MODELS["axis"] = json.dumps({"schema": 1, "axis": "linear", "parameters": OW
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_says_one_sentence_and_writes_nothing(case, place, monkeypatch):
+def test_prints_one_sentence_and_writes_nothing(case, place, monkeypatch):
     words, expected = CASES[case]
     monkeypatch.chdir(place)
     before = listing(place), sorted(place.rglob("*"))
-    spoken = antidrive(*words.split())
-    assert spoken.code == 2, spoken.err
-    assert spoken.out == ""
-    assert spoken.err.startswith("antidrive: ")
-    sentence, *table = spoken.err.splitlines()
+    result = antidrive(*words.split())
+    assert result.code == 2, result.err
+    assert result.out == ""
+    assert result.err.startswith("antidrive: ")
+    sentence, *table = result.err.splitlines()
     assert not table or table[-1].startswith("Name them, for example: antidrive ")  # below the columns of the file
-    assert "Traceback" not in spoken.err
+    assert "Traceback" not in result.err
     assert len(sentence) < 500
-    assert expected in spoken.err
+    assert expected in result.err
     assert (listing(place), sorted(place.rglob("*"))) == before
 
 

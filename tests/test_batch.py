@@ -16,7 +16,7 @@ from identification.log import Log
 from plant import BadParameter, ServoModel
 
 HIDDEN = ({}, {"coulomb_friction": {"torque": 0.3}}, {"torque_offset": {"torque": 0.2}})
-ASKED = ("coulomb_friction", "torque_offset")
+CANDIDATES = ("coulomb_friction", "torque_offset")
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def logs() -> list[Log]:
 
 @pytest.fixture(scope="module")
 def alone(logs: list[Log]) -> list[Diagnosis]:
-    return [diagnose(log, candidates=ASKED) for log in logs]
+    return [diagnose(log, candidates=CANDIDATES) for log in logs]
 
 
 def same(one: Diagnosis, other: Diagnosis) -> bool:
@@ -55,7 +55,7 @@ def test_an_executor_gives_the_same_diagnoses_in_order(
 ) -> None:
     lines: list[str] = []
     with workers() as executor:
-        found = list(diagnose_all(logs, executor=executor, candidates=ASKED, progress=lines.append))
+        found = list(diagnose_all(logs, executor=executor, candidates=CANDIDATES, progress=lines.append))
     assert [d.verdict for d in found] == ["nothing_missing", "named", "named"]
     assert all(same(one, other) for one, other in zip(found, alone, strict=True))
     assert lines == [
@@ -66,22 +66,22 @@ def test_an_executor_gives_the_same_diagnoses_in_order(
 
 
 def test_without_executor_logs_are_diagnosed_on_demand(logs: list[Log], alone: list[Diagnosis]) -> None:
-    found = diagnose_all(logs, candidates=ASKED)
+    found = diagnose_all(logs, candidates=CANDIDATES)
     assert same(next(found), alone[0])
     assert same(next(found), alone[1])
 
 
 def test_base_and_choice_reach_every_log(logs: list[Log]) -> None:
     base = ServoModel(inertia=1.5, gravity=0.4, viscous_friction=0.5)
-    (found,) = diagnose_all(logs[1:2], base, fixed=["inertia"], exclude=["torque_offset"], candidates=ASKED)
+    (found,) = diagnose_all(logs[1:2], base, fixed=["inertia"], exclude=["torque_offset"], candidates=CANDIDATES)
     assert found.base.fixed == ("inertia",)
-    asked = {*(name for each in found.sets for name in each.effects), *(each.effect for each in found.rejected)}
-    assert asked == {"coulomb_friction"}
+    considered = {*(name for each in found.sets for name in each.effects), *(each.effect for each in found.rejected)}
+    assert considered == {"coulomb_friction"}
 
 
 def test_logs_and_diagnoses_survive_pickling(logs: list[Log], alone: list[Diagnosis]) -> None:
     again = pickle.loads(pickle.dumps(logs[1]))
-    assert same(diagnose(again, candidates=ASKED), alone[1])
+    assert same(diagnose(again, candidates=CANDIDATES), alone[1])
     assert same(pickle.loads(pickle.dumps(alone[1])), alone[1])
 
 

@@ -144,4 +144,4 @@ def test_every_effect_of_the_catalogue_can_be_kept() -> None:
     from plant.effects import catalogue
 
     for kind in catalogue.values():
-        assert built_once._told(kind) == f"{kind.__module__}.{kind.__qualname__}"
+        assert built_once._text(kind) == f"{kind.__module__}.{kind.__qualname__}"

@@ -22,8 +22,8 @@ LOOPS = ("tracking", "disturbance", *(pytest.param(name, marks=pytest.mark.long)
 def played(name: str) -> tuple[dict[str, Any], pd.DataFrame, str]:
     """Summary, trajectory and page that the command writes."""
     with TemporaryDirectory() as folder:
-        spoken = antidrive("simulate", name, "--out", folder, "--quiet")
-        assert spoken.code == 0, spoken.err
+        result = antidrive("simulate", name, "--out", folder, "--quiet")
+        assert result.code == 0, result.err
         out = Path(folder)
         summary = json.loads((out / "summary.json").read_text())
         return (

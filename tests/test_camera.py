@@ -62,7 +62,7 @@ def test_least_effort_tracks_as_well_at_a_third_of_the_loss() -> None:
 
 
 @pytest.mark.long
-def test_at_equal_heat_every_other_law_errs_more() -> None:
+def test_at_equal_copper_loss_every_other_law_errs_more() -> None:
     for law in (WARM, SHAPED):
         assert watts(law) == pytest.approx(watts(PLANNED), rel=0.15)
         assert rms(law) > 1.2 * rms(PLANNED)
@@ -73,7 +73,7 @@ def test_one_drive_errs_far_more() -> None:
     assert rms(ONE) > 1.5 * rms(PLANNED)
 
 
-def test_only_enough_preload_keeps_the_teeth_together() -> None:
+def test_only_enough_preload_keeps_the_contact() -> None:
     least = dict(zip(LAWS, quick().least.min(axis=(1, 2)), strict=True))
     assert {law for law in LAWS if least[law] > 0.0} == {SIZED, PLANNED}
 
@@ -115,7 +115,7 @@ PLAN = least_effort(BOUNDS, TORQUE, ACCELERATION)
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_every_law_gives_the_torque_that_is_asked(law: str) -> None:
+def test_every_law_gives_the_requested_torque(law: str) -> None:
     torques = MADE.split(law, TORQUE, PLAN)
     assert torques.shape == (500, 1 if law == ONE else 2)
     assert torques.sum(axis=1) * -161 / 20 == pytest.approx(TORQUE)
@@ -143,7 +143,7 @@ def test_load_dependent_preload_falls_until_both_drives_share() -> None:
     assert np.max(loaded) < 0.0
 
 
-def test_heat_is_that_of_the_current_in_the_windings() -> None:
+def test_copper_loss_is_that_of_the_current_in_the_windings() -> None:
     current = 0.05 / (46 / 18 * 41 / 17 * 42 / 21) / (36 / (2000 * np.pi / 30))
     assert joule(RIG, np.array([[0.05, -0.05]])) == pytest.approx([2 * 20.0 * current**2], rel=1e-5)
 
@@ -185,17 +185,17 @@ def test_an_interval_is_students() -> None:
     assert (mean.value, mean.half) == pytest.approx((110e-6, 4.302653 * 10e-6 / np.sqrt(3)))
 
 
-def test_the_report_says_so_when_least_effort_errs_more() -> None:
+def test_the_report_states_when_least_effort_errs_more() -> None:
     worse = sentences_of(settings(QUICK), made_up(by=30e-6))
     assert worse.found["least_error"] != PLANNED
-    assert "Smallest error: least effort" not in worse.said[1]
+    assert "Smallest error: least effort" not in worse.results[1]
     assert f"{LAWS[0]}, {LAWS[1]}, {LAWS[2]}, {LAWS[3]} have less" in verdict(made_up(by=30e-6), 0)
     assert "have more" in verdict(made_up(by=-30e-6), 0)
     assert "have the same" in verdict(made_up(by=0.0), 0)
     assert sentences_of(settings(QUICK), made_up(by=-30e-6)).found["least_error"] == PLANNED
 
 
-def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_reports_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "quick.toml").write_text(
         text({**QUICK, "duration = 12.0": "duration = 2.0", "targets = 8": "targets = 2"})
     )

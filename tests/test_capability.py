@@ -89,7 +89,7 @@ def test_the_edge_is_where_the_allocator_gives_up() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         ({"inertia": 0.0}, "inertia"),
         ({"acceleration": [1.0, 0.0]}, "acceleration"),
@@ -99,7 +99,7 @@ def test_the_edge_is_where_the_allocator_gives_up() -> None:
         ({"allocator": Allocator([[1, -1, 1], [1, 1, -2]], min_torque=0, max_torque=1)}, "two living drives"),
     ],
 )
-def test_refuses_what_has_no_map(change: dict[str, object], says: str) -> None:
+def test_refuses_what_has_no_map(change: dict[str, object], message: str) -> None:
     good = {"allocator": ALLOCATOR, "inertia": J, **AXES}
-    with pytest.raises(BadParameter, match=says):
+    with pytest.raises(BadParameter, match=message):
         capability_map(**{**good, **change})  # type: ignore[arg-type]

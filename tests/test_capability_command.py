@@ -19,15 +19,15 @@ MOST = 161 / 20 * (0.25 - 0.01)
 
 
 @pytest.fixture(scope="module")
-def spoken(tmp_path_factory):
+def command_result(tmp_path_factory):
     folder = tmp_path_factory.mktemp("map") / "out"
     words = ("--inertia", 1.5, "--min-torque", 0.01, "--max-torque", 0.25, "--rotor-inertia", "1e-5")
     return folder, antidrive("capability", *words, "--out", folder, "--json")
 
 
-def test_the_table_is_the_map(spoken):
-    folder, said = spoken
-    assert said.code == 0, said.err
+def test_the_table_is_the_map(command_result):
+    folder, result = command_result
+    assert result.code == 0, result.err
     assert sorted(listing(folder)) == ["capability.csv", "report.html"]
     table = pd.read_csv(folder / "capability.csv")
     assert list(table.columns) == ["acceleration", "load_torque", "least_preload", "margin", "heat"]
@@ -39,17 +39,17 @@ def test_the_table_is_the_map(spoken):
         np.testing.assert_allclose(drawn, getattr(found, name), atol=1e-8)
 
 
-def test_the_numbers_are_those_of_the_map(spoken):
-    told = json.loads(spoken[1].out)
-    assert told["load_torque_at_rest"] == pytest.approx([-MOST, MOST])
-    assert told["acceleration_without_load"] == pytest.approx([-MOST / 1.5, MOST / 1.5])
-    assert told["least_preload_at_rest"] == pytest.approx(0.01 / 20)
-    assert told["heat_at_rest"] == pytest.approx(2 * 0.01**2)
+def test_the_numbers_are_those_of_the_map(command_result):
+    reported = json.loads(command_result[1].out)
+    assert reported["load_torque_at_rest"] == pytest.approx([-MOST, MOST])
+    assert reported["acceleration_without_load"] == pytest.approx([-MOST / 1.5, MOST / 1.5])
+    assert reported["least_preload_at_rest"] == pytest.approx(0.01 / 20)
+    assert reported["heat_at_rest"] == pytest.approx(2 * 0.01**2)
 
 
-def test_words_and_page_say_the_same(tmp_path):
-    said = antidrive("capability", "--max-torque", "0.25", "--min-torque", "0.01", "--out", tmp_path)
-    assert f"from -{MOST:.4g} to {MOST:.4g} N m at rest" in said.out
+def test_words_and_page_agree(tmp_path):
+    result = antidrive("capability", "--max-torque", "0.25", "--min-torque", "0.01", "--out", tmp_path)
+    assert f"from -{MOST:.4g} to {MOST:.4g} N m at rest" in result.out
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert printed(f"from -{MOST:.4g} to {MOST:.4g} N m at rest") in page
     assert "least preload [N m per tooth]" in page
@@ -68,7 +68,7 @@ def test_the_figure_leaves_out_what_is_out_of_reach():
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (("--inertia", "0"), "inertia"),
         (("--inertia", "nan"), "inertia"),
@@ -78,9 +78,9 @@ def test_the_figure_leaves_out_what_is_out_of_reach():
         (("--rotor-inertia", "-1"), "rotor_inertia"),
     ],
 )
-def test_what_cannot_be_mapped_is_said_in_one_sentence(tmp_path, words, says):
-    said = antidrive("capability", *words, "--out", tmp_path / "out")
-    assert said.code == 2
-    assert says in said.err
-    assert said.err.count("\n") == 1
+def test_what_cannot_be_mapped_is_reported_in_one_sentence(tmp_path, words, message):
+    result = antidrive("capability", *words, "--out", tmp_path / "out")
+    assert result.code == 2
+    assert message in result.err
+    assert result.err.count("\n") == 1
     assert not (tmp_path / "out").exists()

@@ -49,8 +49,8 @@ def fitted(log, tmp_path_factory):
 
 
 def test_identify_recovers_the_truth_and_writes_three_files(fitted):
-    spoken, out = fitted
-    assert spoken.code == 0, spoken.err
+    result, out = fitted
+    assert result.code == 0, result.err
     assert sorted(listing(out)) == ["fit.json", "model.json", "report.html"]
     found = read_model(out / "model.json")
     assert found.model.values == pytest.approx(TRUTH.values, rel=0.02, abs=0.01)
@@ -60,22 +60,22 @@ def test_identify_recovers_the_truth_and_writes_three_files(fitted):
     content = strict_json((out / "fit.json").read_text())
     line = content["parameters"]["inertia"]
     assert abs(line["value"] - TRUTH.inertia) < 5 * line["std"]
-    assert "inertia" in spoken.out
-    table, _, _ = spoken.out.partition("Written")
+    assert "inertia" in result.out
+    table, _, _ = result.out.partition("Written")
     assert max(map(len, table.splitlines())) <= 80
 
 
-def test_identify_says_what_the_log_cannot_show_and_what_to_do(tmp_path):
+def test_identify_reports_what_the_log_cannot_show_and_a_remedy(tmp_path):
     time_ = np.arange(800) * DT
     angle = 0.02 * (np.sin(2 * np.pi * 0.6 * time_) + np.sin(2 * np.pi * 1.5 * time_))
     velocity = np.gradient(angle, DT)
     torque = 0.8 * np.gradient(velocity, DT) + 0.5 * velocity + 0.6 * np.cos(angle)
     noise = 1e-4 * np.random.default_rng(0).standard_normal(time_.size)
     log = write_csv(tmp_path / "log.csv", {"time": time_, "torque": torque, "angle": angle + noise})
-    spoken = antidrive("identify", log, "--out", tmp_path / "out")
+    result = antidrive("identify", log, "--out", tmp_path / "out")
     advice = "the load turns by 4.5 degrees only; let it turn by more than 90 degrees."
-    assert spoken.code == 0, spoken.err
-    assert advice in spoken.out
+    assert result.code == 0, result.err
+    assert advice in result.out
     assert advice in (tmp_path / "out" / "report.html").read_text()
     assert any(advice in text for text in strict_json((tmp_path / "out" / "fit.json").read_text())["data"]["warnings"])
 
@@ -88,19 +88,19 @@ def test_mapping_units_and_scales_give_the_same_fit(fitted, log, tmp_path):
     base = write_model(tmp_path / "base.json", TRUTH)
     names = ["--map", "time=t", "--map", "torque=i", "--map", "angle=qm"]
     words = [*names, "--unit", "angle=deg", "--scale", "torque=2.5"]
-    spoken = antidrive("identify", tmp_path / "odd.csv", *words, "--base", base, "--out", tmp_path / "out", "--json")
-    assert spoken.code == 0, spoken.err
+    result = antidrive("identify", tmp_path / "odd.csv", *words, "--base", base, "--out", tmp_path / "out", "--json")
+    assert result.code == 0, result.err
     values = read_model(tmp_path / "out" / "model.json").model.values
     np.testing.assert_allclose(values, read_model(out / "model.json").model.values, rtol=1e-4, atol=1e-6)
-    assert strict_json(spoken.out)["parameters"]["inertia"]["unit"] == "kg m^2"
-    assert spoken.err == ""
+    assert strict_json(result.out)["parameters"]["inertia"]["unit"] == "kg m^2"
+    assert result.err == ""
 
 
 def test_quiet_prints_nothing_and_a_seed_repeats_the_files(fitted, log, tmp_path):
     _, out = fitted
     base = write_model(tmp_path / "base.json", TRUTH)
-    spoken = antidrive("identify", log, "--base", base, "--out", tmp_path / "again", "--quiet")
-    assert (spoken.code, spoken.out, spoken.err) == (0, "", "")
+    result = antidrive("identify", log, "--base", base, "--out", tmp_path / "again", "--quiet")
+    assert (result.code, result.out, result.err) == (0, "", "")
     assert (tmp_path / "again" / "fit.json").read_bytes() == (out / "fit.json").read_bytes()
 
 
@@ -111,11 +111,11 @@ def diagnosed(log, held, tmp_path_factory):
 
 
 def test_diagnose_names_what_is_hidden_in_the_contracted_form(diagnosed, log, held):
-    spoken, out = diagnosed
-    assert spoken.code == 0, spoken.err
+    result, out = diagnosed
+    assert result.code == 0, result.err
     assert sorted(listing(out)) == ["diagnosis.json", "model.json", "report.html"]
     content = strict_json((out / "diagnosis.json").read_text())
-    assert strict_json(spoken.out) == content
+    assert strict_json(result.out) == content
     assert content["schema"] == 2
     assert content["verdict"] == "named"
     assert [cause["effect"] for cause in content["causes"]] == ["coulomb_friction"]
@@ -141,13 +141,13 @@ def test_the_extended_model_predicts_better_than_the_base(diagnosed, held, tmp_p
     errors = []
     for name, model in (("extended", out / "model.json"), ("plain", write_model(tmp_path / "plain.json"))):
         target = tmp_path / f"{name}.csv"
-        spoken = antidrive("predict", model, held, "--out", target, "--json")
-        assert spoken.code == 0, spoken.err
-        told = strict_json(spoken.out)["runs"][0]["rms"]
+        result = antidrive("predict", model, held, "--out", target, "--json")
+        assert result.code == 0, result.err
+        reported = strict_json(result.out)["runs"][0]["rms"]
         predicted, measured = pd.read_csv(target), pd.read_csv(held)
         assert list(predicted.columns) == ["run", "time", "angle"]
-        assert told == pytest.approx(np.sqrt(np.mean((predicted.angle - measured.angle) ** 2)), rel=1e-6)
-        errors.append(told)
+        assert reported == pytest.approx(np.sqrt(np.mean((predicted.angle - measured.angle) ** 2)), rel=1e-6)
+        errors.append(reported)
     assert errors[0] < 0.1 * errors[1]
 
 
@@ -173,11 +173,13 @@ def test_masked_samples_do_not_count_as_errors_of_the_model(tmp_path):
     truth = table["angle"].copy()
     table["angle"][300:340] = np.nan
     model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", table)
-    spoken = antidrive("predict", model, log, "--out", tmp_path / "out.csv", "--json")
+    result = antidrive("predict", model, log, "--out", tmp_path / "out.csv", "--json")
     error = pd.read_csv(tmp_path / "out.csv").angle - truth
-    told = strict_json(spoken.out)
-    assert told["runs"][0]["rms"] == pytest.approx(np.sqrt(np.mean(np.delete(error, range(300, 340)) ** 2)), rel=1e-6)
-    assert told["unit"] == "rad"
+    reported = strict_json(result.out)
+    assert reported["runs"][0]["rms"] == pytest.approx(
+        np.sqrt(np.mean(np.delete(error, range(300, 340)) ** 2)), rel=1e-6
+    )
+    assert reported["unit"] == "rad"
 
 
 def test_a_model_that_runs_away_predicts_nothing(monkeypatch, log, tmp_path):
@@ -186,9 +188,9 @@ def test_a_model_that_runs_away_predicts_nothing(monkeypatch, log, tmp_path):
         lambda log, *_, **__: [np.full(len(run), np.inf) for run in log.runs],
     )
     model = write_model(tmp_path / "model.json")
-    spoken = antidrive("predict", model, log, "--out", tmp_path / "out.csv")
-    assert spoken.code == 2
-    assert "the model diverges" in spoken.err
+    result = antidrive("predict", model, log, "--out", tmp_path / "out.csv")
+    assert result.code == 2
+    assert "the model diverges" in result.err
     assert list(tmp_path.iterdir()) == [model]
 
 
@@ -201,8 +203,8 @@ def test_the_words_of_a_diagnosis_reach_it(monkeypatch, log, held, tmp_path):
 
     monkeypatch.setattr(import_module("diagnosis.diagnose"), "diagnose", listen)
     base = write_model(tmp_path / "base.json", TRUTH)
-    spoken = antidrive("diagnose", log, "--holdout", held, "--base", base, "--out", tmp_path / "out")
-    assert (spoken.code, spoken.err) == (2, "antidrive: heard.\n")
+    result = antidrive("diagnose", log, "--holdout", held, "--base", base, "--out", tmp_path / "out")
+    assert (result.code, result.err) == (2, "antidrive: heard.\n")
     assert [heard[part].sources[0].file for part in ("log", "holdout")] == ["log.csv", "held.csv"]
     np.testing.assert_array_equal(heard["start"].values, TRUTH.values)
     assert heard["fixed"] == {}
@@ -238,18 +240,18 @@ def test_a_linear_axis_is_predicted_as_a_position_for_each_run(tmp_path):
         {"schema": 1, "axis": "linear", "parameters": {"inertia": 5, "gravity": 0, "viscous_friction": 9}}
     )
     (tmp_path / "model.json").write_text(content)
-    spoken = antidrive("predict", tmp_path / "model.json", log, "--out", tmp_path / "p.csv", "--json")
-    assert spoken.code == 0, spoken.err
-    assert strict_json(spoken.out)["unit"] == "m"
+    result = antidrive("predict", tmp_path / "model.json", log, "--out", tmp_path / "p.csv", "--json")
+    assert result.code == 0, result.err
+    assert strict_json(result.out)["unit"] == "m"
     predicted = pd.read_csv(tmp_path / "p.csv")
     assert list(predicted.columns) == ["run", "time", "position"]
     assert predicted.run.value_counts().to_dict() == {3: count, 7: count}
 
 
 def test_allocate_shares_the_torque_and_keeps_every_bound():
-    spoken = antidrive("allocate", "-1", "0", "2.0", "9", "--json")
-    assert spoken.code == 0, spoken.err
-    splits = strict_json(spoken.out)["splits"]
+    result = antidrive("allocate", "-1", "0", "2.0", "9", "--json")
+    assert result.code == 0, result.err
+    splits = strict_json(result.out)["splits"]
     for split, wanted in zip(splits, (-1.0, 0.0, 2.0, 9.0), strict=True):
         first, second = split["torques"]
         assert 0.02 <= first <= 0.3
@@ -260,7 +262,7 @@ def test_allocate_shares_the_torque_and_keeps_every_bound():
     assert "degraded" in antidrive("allocate", "9").out
 
 
-def test_simulate_holds_the_teeth_together_while_it_tracks(tmp_path):
+def test_simulate_keeps_the_contact_while_it_tracks(tmp_path):
     text = """
     title = "short"
     duration = 1.5
@@ -268,11 +270,11 @@ def test_simulate_holds_the_teeth_together_while_it_tracks(tmp_path):
     reference = { kind = "sine", amplitude = 0.1, frequency = 0.3 }
     """
     (tmp_path / "short.toml").write_text(text)
-    spoken = antidrive("simulate", tmp_path / "short.toml", "--out", tmp_path / "out", "--json")
-    assert spoken.code == 0, spoken.err
+    result = antidrive("simulate", tmp_path / "short.toml", "--out", tmp_path / "out", "--json")
+    assert result.code == 0, result.err
     assert sorted(listing(tmp_path / "out")) == ["report.html", "summary.json", "trajectory.csv"]
     summary = strict_json((tmp_path / "out" / "summary.json").read_text())
-    assert strict_json(spoken.out) == summary
+    assert strict_json(result.out) == summary
     path = pd.read_csv(tmp_path / "out" / "trajectory.csv")
     assert len(path) == 300
     assert (path.torque_1 >= 0.02).all()
@@ -312,9 +314,9 @@ def test_motion_outlives_a_drive_but_preload_does_not(tmp_path):
     time = 0.8
     """
     (tmp_path / "loss.toml").write_text(text)
-    spoken = antidrive("simulate", tmp_path / "loss.toml", "--out", tmp_path / "out", "--json")
-    assert spoken.code == 0, spoken.err
-    path, summary = pd.read_csv(tmp_path / "out" / "trajectory.csv"), strict_json(spoken.out)
+    result = antidrive("simulate", tmp_path / "loss.toml", "--out", tmp_path / "out", "--json")
+    assert result.code == 0, result.err
+    path, summary = pd.read_csv(tmp_path / "out" / "trajectory.csv"), strict_json(result.out)
     after = path.time >= 0.8
     assert (path.torque_1[after] == 0).all()
     assert path.status[after].str.startswith("degraded: drive 1 is lost").all()
@@ -356,9 +358,9 @@ def test_a_program_fault_exits_with_1_and_leaves_nothing(monkeypatch, log, tmp_p
         raise RuntimeError("the unexpected")
 
     monkeypatch.setattr("antidrive.report.fit_page", broken)
-    spoken = antidrive("identify", log, "--out", tmp_path / "out")
-    assert spoken.code == 1
-    assert "fault of the program" in spoken.err
+    result = antidrive("identify", log, "--out", tmp_path / "out")
+    assert result.code == 1
+    assert "fault of the program" in result.err
     assert list(tmp_path.iterdir()) == []
     monkeypatch.setattr(cli, "app", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
     assert antidrive("demo").code == 130

@@ -55,9 +55,9 @@ def trial(scenario: Scenario = SHORT, **changes: object) -> ClosedLoopRun:
     return ClosedLoopRun(title="a trial", scenario=scenario, result=result(**changes), min_torque=0.02, max_torque=0.3)
 
 
-def test_the_summary_says_what_the_arrays_hold() -> None:
-    told = trial(status=("optimal",) * 97 + ("degraded: a",) * 3)
-    summary = told.summary()
+def test_the_summary_agrees_with_the_arrays() -> None:
+    simulated = trial(status=("optimal",) * 97 + ("degraded: a",) * 3)
+    summary = simulated.summary()
     error = 1e-3 * (np.arange(COUNT) - 30)
     assert summary["tracking_rms"] == pytest.approx(np.sqrt(np.mean(error**2)))
     assert summary["largest_error"] == pytest.approx(0.069)
@@ -65,7 +65,7 @@ def test_the_summary_says_what_the_arrays_hold() -> None:
     assert summary["least_preload_margin"] == 0.5
     assert summary["contact_lost"] is False
     assert (summary["samples"], summary["degraded_samples"]) == (100, 3)
-    assert told.sentences()[-1] == "3 of 100 samples were not optimal (degraded: a)."
+    assert simulated.sentences()[-1] == "3 of 100 samples were not optimal (degraded: a)."
 
 
 def test_one_flank_that_opens_once_is_reported() -> None:
@@ -102,7 +102,7 @@ def test_one_drive_alone_is_counted_by_its_own_flank() -> None:
     assert "samples_without_contact_single_drive" in dict(both.numbers())
 
 
-def test_a_machine_of_one_drive_is_not_asked_for_a_preload() -> None:
+def test_a_machine_of_one_drive_needs_no_preload() -> None:
     flanks = np.where(np.arange(COUNT) < 7, -0.5, 1.0)[:, None]
     one = trial(torques=np.full((COUNT, 1), 0.1), flank_torques=flanks)
     assert one.sentences()[1] == f"A single drive has no preload: contact is lost in 7 of {COUNT} samples."
@@ -131,31 +131,31 @@ def test_the_table_names_every_channel_once() -> None:
 
 
 def test_numbers_carry_their_units() -> None:
-    told = dict(trial().numbers())
+    numbers = dict(trial().numbers())
     error = trial().result.angle - trial().result.reference
-    assert told["tracking_rms"] == f"{np.sqrt(np.mean(error**2)):.4g} rad"
-    assert told["least_preload_margin"] == "0.5 N m"
-    assert told["heat"].endswith("N² m²")
-    assert told["contact_lost"] == "no"
+    assert numbers["tracking_rms"] == f"{np.sqrt(np.mean(error**2)):.4g} rad"
+    assert numbers["least_preload_margin"] == "0.5 N m"
+    assert numbers["heat"].endswith("N² m²")
+    assert numbers["contact_lost"] == "no"
 
 
 def test_numbers_of_repeated_runs_have_their_scatter() -> None:
     flanks = result().flank_torques.copy()
     flanks[40, 1] = 0.0
     others = [trial(angle=0.2 + level * np.ones(COUNT), flank_torques=flanks).summary() for level in (0.1, 0.11, 0.12)]
-    told = replace(trial(angle=np.full(COUNT, 0.29)), again=tuple(others))
+    repeated = replace(trial(angle=np.full(COUNT, 0.29)), again=tuple(others))
     sizes = [0.09, 0.1, 0.11, 0.12]
-    assert told.scatter()["tracking_rms"] == pytest.approx(np.std(sizes, ddof=1))
-    assert told.summary()["std"] == told.scatter()
-    assert told.summary()["runs"] == 4
-    assert "schema" not in told.scatter()
-    table = dict(told.numbers())
+    assert repeated.scatter()["tracking_rms"] == pytest.approx(np.std(sizes, ddof=1))
+    assert repeated.summary()["std"] == repeated.scatter()
+    assert repeated.summary()["runs"] == 4
+    assert "schema" not in repeated.scatter()
+    table = dict(repeated.numbers())
     assert table["tracking_rms"] == "0.090 ± 0.013 rad"
     assert table["least_preload_margin"] == "0.50 ± 0.25 N m"
     assert table["contact_lost"] == "no, in 1 of 4 runs"
     assert table["samples"] == "100"
-    assert told.sentences()[0].startswith("Tracking error 0.090 ± 0.013 rad rms, 0.090 ± 0.013 rad at most")
-    assert "over 4 runs" in told.sentences()[-1]
+    assert repeated.sentences()[0].startswith("Tracking error 0.090 ± 0.013 rad rms, 0.090 ± 0.013 rad at most")
+    assert "over 4 runs" in repeated.sentences()[-1]
 
 
 def test_what_one_drive_does_scatters_too() -> None:

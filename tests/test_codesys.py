@@ -18,13 +18,13 @@ SOUND = motion(samples=600)
 
 def trace(variables, *, flags="16", unit=1e3, end="\n", header="[key]; [value]\n", footer=""):
     """The trace of variables: name -> (times [s], values)."""
-    said = header + f"Version; 0x03050000\nName; Application.Trace\nIecTaskName; MainTask\nComment; \nFlags; {flags}\n"
+    text = header + f"Version; 0x03050000\nName; Application.Trace\nIecTaskName; MainTask\nComment; \nFlags; {flags}\n"
     for k, (name, (times, values)) in enumerate(variables.items()):
-        said += (
+        text += (
             f"{k}.Variable; {name}\n{k}.Address.AddrFlags; 0x00000000\n{k}.Class; 14\n{k}.GraphColor; 42\n{k}.Data; \n"
         )
-        said += "".join(f"; {round(unit * t)}; {v}\n" for t, v in zip(times, values, strict=True))
-    return (said + footer).replace("\n", end)
+        text += "".join(f"; {round(unit * t)}; {v}\n" for t, v in zip(times, values, strict=True))
+    return (text + footer).replace("\n", end)
 
 
 SLOW = slice(None, None, 4)
@@ -67,7 +67,7 @@ def test_styles(tmp_path, style):
     assert table.notes == (cut if "footer" in style else ())
 
 
-def test_truth_values_and_flags_that_tell_nothing(tmp_path):
+def test_truth_values_and_flags_without_information(tmp_path):
     on = {"GVL.on": ([0, 1, 2], ["TRUE", "FALSE", "TRUE"])}
     table = read(tmp_path, trace(on, flags="0"))
     np.testing.assert_array_equal(table.columns["GVL.on"], [1, 0, 1])
@@ -87,8 +87,8 @@ REFUSED = {
 
 @pytest.mark.parametrize("kind", REFUSED)
 def test_refused_in_one_sentence(tmp_path, kind):
-    content, says = REFUSED[kind]
-    with pytest.raises(MalformedLog, match=says) as caught:
+    content, message = REFUSED[kind]
+    with pytest.raises(MalformedLog, match=message) as caught:
         read(tmp_path, content)
     check_sentence(str(caught.value))
 

@@ -83,25 +83,25 @@ def test_errors_of_a_poor_model_are_no_coloured_noise(hidden):
 def test_the_regression_is_of_what_was_measured_in_any_unit():
     log = record(Machine(), excitation(3, duration=5.0), seed=3).log()
     (run,) = log.runs
-    told = coloured_noise.by_regression(log)
+    likelihood = coloured_noise.by_regression(log)
     speeds = replace(run, response="velocity", velocity=run.output, output=np.cumsum(run.output))
-    assert coloured_noise.by_regression(replace(log, runs=(speeds,))) == pytest.approx(told, abs=1e-3)
+    assert coloured_noise.by_regression(replace(log, runs=(speeds,))) == pytest.approx(likelihood, abs=1e-3)
     other = replace(log, runs=(replace(run, command=1e-13 * run.command),))
-    assert coloured_noise.by_regression(other) == pytest.approx(told, abs=1e-3)
+    assert coloured_noise.by_regression(other) == pytest.approx(likelihood, abs=1e-3)
 
 
 def test_a_colour_that_leaves_nothing_of_the_model_is_none(monkeypatch) -> None:
     """It would stand for the motion: of a model without what matters most it explains more than any noise."""
     white = SimpleNamespace(log_likelihood=1000.0)
     lost = SimpleNamespace(log_likelihood=5000.0, failed="its parameters do not change how well")
-    told = SimpleNamespace(log_likelihood=1200.0, failed=None)
-    for found, believed in (([lost], white), ([lost, told], told)):
+    without_colour = SimpleNamespace(log_likelihood=1200.0, failed=None)
+    for found, believed in (([lost], white), ([lost, without_colour], without_colour)):
         monkeypatch.setattr(coloured_noise, "_coloured", lambda _, found=found: iter(found))
         assert with_coloured_noise(white) is believed
 
 
 @pytest.mark.parametrize(
-    ("worth", "memory", "count"),
+    ("gain", "memory", "count"),
     [
         (0.051, 0.0051, 4),  # behind observers of 10, 3.3, 1.1 and 0.37 rad/s
         (0.049, 0.0051, 0),  # what a poor model can leave as well
@@ -110,7 +110,7 @@ def test_a_colour_that_leaves_nothing_of_the_model_is_none(monkeypatch) -> None:
         (0.051, 0.301, 2),
     ],
 )
-def test_noise_colour_is_tried_beyond_the_observer_bandwidth(monkeypatch, worth, memory, count):
+def test_noise_colour_is_tried_beyond_the_observer_bandwidth(monkeypatch, gain, memory, count):
     fitted = SimpleNamespace(
         log=SimpleNamespace(sample_time=0.005),
         model=None,
@@ -119,7 +119,7 @@ def test_noise_colour_is_tried_beyond_the_observer_bandwidth(monkeypatch, worth,
         samples=1000,
         log_likelihood=0.0,
     )
-    shown = SimpleNamespace(log_likelihood=worth * fitted.samples, noise_memory=memory)
+    shown = SimpleNamespace(log_likelihood=gain * fitted.samples, noise_memory=memory)
     problem = SimpleNamespace(
         solve=lambda **_: fitted, recoloured=lambda _, least: shown if shown.log_likelihood > least else None
     )

@@ -10,7 +10,7 @@ import pytest
 from sample_logs import motion, text
 
 from identification import Log, MalformedLog, MissingColumns
-from identification.reading.column_meaning import AMONG_OTHERS, ASKED_FOR, OWN, SYNONYM, meaning
+from identification.reading.column_meaning import AMONG_OTHERS, COMMANDED, OWN, SYNONYM, meaning
 from identification.reading.headings import heading
 from identification.reading.units import kind_of
 
@@ -88,7 +88,7 @@ def test_a_heading_is_words_and_a_unit(name, words, unit):
         ("q_axis_current", "current", SYNONYM),
         ("Current q", "current", SYNONYM),
         ("Voltage q", "voltage", SYNONYM),
-        ("Iq_setpoint", "current", ASKED_FOR),
+        ("Iq_setpoint", "current", COMMANDED),
         ("u_nm", "torque", AMONG_OTHERS),
         ("T_reg [s]", "time", AMONG_OTHERS),
         ("Position angulaire (°)", "angle", SYNONYM),
@@ -140,23 +140,25 @@ def test_logs_of_other_names_are_read(csv, names):
     assert same(Log.read(csv(dict(zip(names, (TIME, TORQUE, ANGLE), strict=True)))))
 
 
-def test_a_unit_of_a_heading_is_used_and_said(csv):
+def test_a_unit_of_a_heading_is_used_and_reported(csv):
     columns = {"time_ms": 1e3 * TIME, "Torque [mNm]": 1e3 * TORQUE, "Angle (deg)": np.degrees(ANGLE)}
     log = Log.read(csv(columns))
     assert same(log)
-    assert any("'Angle (deg)' in deg" in told and "'Torque [mNm]' in mNm" in told for told in log.warnings)
+    assert any("'Angle (deg)' in deg" in reported and "'Torque [mNm]' in mNm" in reported for reported in log.warnings)
 
 
-def test_a_unit_that_nobody_gave_is_said(csv):
+def test_a_unit_that_nobody_gave_is_reported(csv):
     log = Log.read(csv({"t": TIME, "tau": TORQUE, "pos": ANGLE}))
-    assert any("'pos' as angle in rad" in told and "'tau' as torque in N m" in told for told in log.warnings)
+    assert any(
+        "'pos' as angle in rad" in reported and "'tau' as torque in N m" in reported for reported in log.warnings
+    )
     given = Log.read(csv({"t": TIME, "tau": TORQUE, "pos": ANGLE}), units={"angle": "turn"}, scales={"torque": 2.0})
-    assert not any("angle in" in told or "torque in" in told for told in given.warnings)
+    assert not any("angle in" in reported or "torque in" in reported for reported in given.warnings)
 
 
-def test_what_was_measured_comes_before_what_was_asked_for(csv):
-    asked = {"time": TIME, "drive.Iq_setpoint": 0 * TORQUE, "drive.Iq_measured": TORQUE, "theta": ANGLE}
-    assert same(Log.read(csv(asked)))
+def test_measured_columns_have_priority_over_commanded_ones(csv):
+    columns_given = {"time": TIME, "drive.Iq_setpoint": 0 * TORQUE, "drive.Iq_measured": TORQUE, "theta": ANGLE}
+    assert same(Log.read(csv(columns_given)))
 
 
 def test_shafts_of_two_motors_are_not_the_load(csv):
@@ -164,7 +166,7 @@ def test_shafts_of_two_motors_are_not_the_load(csv):
     angles = {"M1_angle": 8 * ANGLE, "M2_angle": 8 * ANGLE, "load angle": ANGLE}
     log = Log.read(csv({"time": TIME, **torques, **angles}))
     assert same(log)
-    assert any("'M2_angle' as angle_2" in told for told in log.warnings)
+    assert any("'M2_angle' as angle_2" in reported for reported in log.warnings)
 
 
 def test_a_position_in_counts_is_an_angle_where_a_torque_drives(csv):
@@ -228,7 +230,7 @@ def test_units_as_the_trade_writes_them(csv, column, unit, size):
         columns.pop("angle")
     columns.pop("torque" if column == "torque" else "angle", None)
     log = Log.read(csv(columns))
-    assert any(f"'{column} [{unit}]' in {unit}" in told for told in log.warnings)
+    assert any(f"'{column} [{unit}]' in {unit}" in reported for reported in log.warnings)
     (run,) = log.runs
     np.testing.assert_allclose(run.command, TORQUE, rtol=1e-6, atol=1e-7)
     np.testing.assert_allclose(
@@ -293,10 +295,10 @@ def test_a_torque_like_the_speed_needs_a_stated_unit(csv):
         Log.read(csv(columns | {"torque": speed["velocity"]}), units={"torque": "N*m"}),
     ):
         assert not log.faults
-        assert any("neither inertia nor dry friction" in told for told in log.warnings)
+        assert any("neither inertia nor dry friction" in reported for reported in log.warnings)
 
 
-def test_all_that_is_missing_is_said_at_once(csv):
+def test_all_that_is_missing_is_reported_at_once(csv):
     torques = ("FC1Torque", "FC2Torque", "FC3Torque")
     with pytest.raises(MissingColumns) as caught:
         Log.read(csv({"b c": TIME, **dict.fromkeys(torques, TORQUE), "angle a": ANGLE, "b": TIME, "angle d": ANGLE}))

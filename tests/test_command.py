@@ -65,12 +65,12 @@ def test_a_current_with_its_torque_constant_is_a_torque(in_torque):
 
 
 @pytest.mark.parametrize(
-    ("column", "unit", "said"),
+    ("column", "unit", "message"),
     [("current", "A", "per ampere"), ("voltage", "V", "per volt"), ("duty", "duty", "per unit of duty")],
 )
-def test_parameters_are_per_unit_of_an_unscaled_command(in_torque, column, unit, said, tmp_path):
+def test_parameters_are_per_unit_of_an_unscaled_command(in_torque, column, unit, message, tmp_path):
     log = Log.from_arrays(**{"time": TIME, column: 8.0 * TORQUE, "angle": ANGLE})
-    assert said in log.notes[0]
+    assert message in log.notes[0]
     assert log.command_unit == unit
     found = fit(log)
     assert [p.unit for p in found.parameters[:3]] == [f"{unit} s^2/rad", unit, f"{unit} s/rad"]
@@ -167,7 +167,7 @@ def test_the_drives_damping_acts_within_its_limit():
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         ({"setpoint": ANGLE, "kd": 0.5}, "kd is given without kp"),
         ({"torque": TORQUE, "kp": 20.0}, "no column 'setpoint'"),
@@ -176,8 +176,8 @@ def test_the_drives_damping_acts_within_its_limit():
         ({"voltage": TORQUE, "units": {"voltage": "N m"}}, "cannot be converted to V"),
     ],
 )
-def test_what_makes_no_command_is_refused(given, said):
-    with pytest.raises((BadParameter, MalformedLog), match=said):
+def test_what_makes_no_command_is_refused(given, message):
+    with pytest.raises((BadParameter, MalformedLog), match=message):
         Log.from_arrays(time=TIME, angle=ANGLE, **given)
 
 
@@ -195,7 +195,7 @@ def test_gear_trains_and_ratios_are_read():
             Ratios.parse(text)
 
 
-def test_gears_of_a_log_of_one_torque_are_said_to_do_nothing():
+def test_gears_of_a_log_of_one_torque_are_reported_to_do_nothing():
     log = Log.from_arrays(time=TIME, torque=TORQUE, angle=ANGLE, gears=Ratios.parse("50"))
     np.testing.assert_allclose(log.runs[0].command, TORQUE)
     assert any("not applied to 'torque'" in note and "--scale torque=RATIO" in note for note in log.notes)

@@ -85,7 +85,7 @@ def test_a_saved_model_is_read_again(log, tmp_path):
     assert ad.predict(read, log).equals(ad.predict(path, log))
 
 
-def test_a_model_file_in_place_of_its_model_says_so(tmp_path):
+def test_a_model_file_in_place_of_its_model_is_reported(tmp_path):
     ad.write_model(TRUTH, tmp_path / "model.json")
     with pytest.raises(AttributeError, match="its attribute 'model'"):
         ad.Controller(ad.read_model(tmp_path / "model.json"), ad.GearTrain.paper())

@@ -117,7 +117,7 @@ def test_kscale_gravity_is_positive_and_proportional_to_the_load():
     assert np.min(alphas) > 0
 
 
-def test_kscale_bus_faults_are_masked_and_said():
+def test_kscale_bus_faults_are_masked_and_reported():
     place = folder("kscale")
     dataset = load_dataset("kscale", place)
     for log in (dataset.estimation, dataset.holdout):
@@ -204,9 +204,9 @@ def test_ur10e_put_down_no_load_where_its_sweep_begins():
     found = diagnose(dataset.estimation, dataset.base, dataset.holdout, candidates=few)
     assert {cause.effect for cause in found.causes} <= {"coulomb_friction"}
     assert found.verdict != "named"
-    told = {minor.effect: minor.probability for minor in found.minor}
-    assert told.get("payload_change", 0.0) < 0.5
-    assert "cable_stiffness" not in told
+    probabilities = {minor.effect: minor.probability for minor in found.minor}
+    assert probabilities.get("payload_change", 0.0) < 0.5
+    assert "cable_stiffness" not in probabilities
     assert "velocity" in found.unknown.depends_on
     # Better than a regression with Coulomb friction, which leaves 0.028.
     assert found.torque_error.held_out_after < 0.028 < 0.15 < found.torque_error.held_out_before

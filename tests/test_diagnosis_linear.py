@@ -23,7 +23,7 @@ def random_linear(samples: int, n: int, colour: tuple[float, ...] = ()) -> Linea
     return Linear(
         closed_loop=0.4 * rng.normal(size=(samples, n, n)),
         by_torque=rng.normal(size=(samples, n)),
-        by_reading=rng.normal(size=(samples, n)),
+        by_measurement=rng.normal(size=(samples, n)),
         seen=rng.normal(size=(samples, n)),
         weight=(rng.random(samples) > 0.1).astype(float),
         colour=colour,
@@ -61,7 +61,9 @@ def test_the_score_is_the_adjoint_of_the_response(on_reading: bool, colour: tupl
     assert linear.score(innovations[:, None])[int(on_reading)][:, 0] @ column[:, 0] == pytest.approx(along, rel=1e-12)
 
 
-def told_and_seen(log: Log, model: ServoModel, initial: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray]:
+def predicted_and_seen(
+    log: Log, model: ServoModel, initial: np.ndarray, bandwidth: float
+) -> tuple[np.ndarray, np.ndarray]:
     """(T,) response of the innovations to a constant torque: of the linearised predictor, and by differences."""
     size = 1e-6
 
@@ -73,8 +75,8 @@ def told_and_seen(log: Log, model: ServoModel, initial: np.ndarray, bandwidth: f
     (run,), predictor = log.runs, Problem.of(log, model).predictor
     path = predictor.predict(model.values, initial, bandwidth=bandwidth, width=0.0)[0]
     linear = linearised(model, run, path, bandwidth, substeps=predictor.substeps, colour=log.colour)
-    told = linear.response(np.ones((len(run), 1)))[:, 0]
-    return told, (innovations(size) - innovations(-size)) / (2 * size)
+    predicted = linear.response(np.ones((len(run), 1)))[:, 0]
+    return predicted, (innovations(size) - innovations(-size)) / (2 * size)
 
 
 @pytest.mark.parametrize("colour", COLOURS)
@@ -83,8 +85,8 @@ def test_constant_torque_response_equals_a_predicted_offset(colour: tuple[float,
     log = record(Machine(), command, load_torque=load_fluctuation(1, 0.05, (command.size, 1))).log()
     found = fit(log, ServoModel.paper())
     assert found.bandwidth > 0.0  # so that the observer's corrections are in it
-    told, seen = told_and_seen(replace(log, colour=colour), found.model, found.initial, found.bandwidth)
-    assert told == pytest.approx(seen, abs=1e-4 * np.abs(seen).max())
+    predicted, seen = predicted_and_seen(replace(log, colour=colour), found.model, found.initial, found.bandwidth)
+    assert predicted == pytest.approx(seen, abs=1e-4 * np.abs(seen).max())
 
 
 @pytest.mark.parametrize("colour", COLOURS)
@@ -92,5 +94,5 @@ def test_an_extension_that_removes_the_observer_is_accepted(colour: tuple[float,
     """Corrections of half a radian: with gravity, which bends with the angle, the place makes the slope."""
     log = record(Machine(gravity=40.0), excitation(3, duration=5.0), noise=0.5).log()
     model = ServoModel(inertia=2.0, gravity=40.0, viscous_friction=0.8)
-    told, seen = told_and_seen(replace(log, colour=colour), model, np.zeros((1, 2)), 20.0)
-    assert told == pytest.approx(seen, abs=1e-5 * np.abs(seen).max())
+    predicted, seen = predicted_and_seen(replace(log, colour=colour), model, np.zeros((1, 2)), 20.0)
+    assert predicted == pytest.approx(seen, abs=1e-5 * np.abs(seen).max())

@@ -35,7 +35,7 @@ def summary(folder: Path) -> Any:
 
 
 @pytest.mark.long
-def test_every_gap_is_within_5_percent_with_every_encoder(summary: Any) -> None:
+def test_backlash_is_within_5_percent_with_every_encoder(summary: Any) -> None:
     cases = summary["cases"]
     assert {case["bits"] for case in cases} == {17, 20, 23}
     assert np.ptp([case["gap"] / ARCMIN for case in cases]) == pytest.approx(19.9, abs=0.02)
@@ -82,13 +82,13 @@ def test_the_trajectory_is_a_log_of_its_own(folder: Path, summary: Any) -> None:
     gears = GearTrain.paper()
     log = Log.read(folder / "trajectory.csv", gears=gears)
     found, case = lost_motion(log, gears), summary["cases"][7]
-    for drive, told in zip(found.drives, case["gaps"], strict=True):
-        assert drive.gap.value == pytest.approx(told["value"], rel=1e-3)
+    for drive, expected in zip(found.drives, case["gaps"], strict=True):
+        assert drive.gap.value == pytest.approx(expected["value"], rel=1e-3)
     assert drive.gap.value == pytest.approx(case["gap"], rel=0.05)
 
 
 @pytest.mark.long
-def test_the_page_says_it(folder: Path, summary: Any) -> None:
+def test_the_page_reports_it(folder: Path, summary: Any) -> None:
     page = (folder / "report.html").read_text()
     assert page.count('class="plot"') == 3
     assert printed(f"an error of {100 * summary['largest_relative_error']:.2g} % at most") in page

@@ -31,7 +31,7 @@ BLOCK = re.compile(r"```python\n(.*?)```\n(?:\n```text\n(.*?)```)?", re.DOTALL)
 
 
 @pytest.mark.parametrize("path", [p for p in PAGES if "```python" in p.read_text("utf-8")], ids=lambda p: p.stem)
-def test_the_examples_of_a_page_run_and_print_what_it_says(
+def test_the_examples_of_a_page_run_and_print_what_it_shows(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = ModuleType("page")
@@ -39,13 +39,13 @@ def test_the_examples_of_a_page_run_and_print_what_it_says(
     blocks = BLOCK.findall(path.read_text(encoding="utf-8"))
     assert blocks
     with contextlib.chdir(tmp_path):
-        for code, said in blocks:
+        for code, printed in blocks:
             out = io.StringIO()
             with contextlib.redirect_stdout(out):
                 exec(compile(code, path.name, "exec"), page.__dict__)
-            assert NUMBER.sub("#", out.getvalue()) == NUMBER.sub("#", said), code
-            found, told = ([float(n) for n in NUMBER.findall(text)] for text in (out.getvalue(), said))
-            assert found == pytest.approx(told, rel=0.1), code
+            assert NUMBER.sub("#", out.getvalue()) == NUMBER.sub("#", printed), code
+            found, written = ([float(n) for n in NUMBER.findall(text)] for text in (out.getvalue(), printed))
+            assert found == pytest.approx(written, rel=0.1), code
 
 
 class Outline(HTMLParser):
@@ -158,7 +158,7 @@ def test_every_notebook_is_there_with_its_pictures(site: Path) -> None:
         assert sum(load.startswith("data:image/png") for load in shown) == pictures
 
 
-def test_each_limit_of_the_readme_is_told_in_full(site: Path) -> None:
+def test_each_limit_of_the_readme_is_reported_in_full(site: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     bold = re.findall(r"^\| \*\*([^*]+?)\*\*", readme[readme.index("## Limits") :], re.MULTILINE)
     page = (site / "explanation" / "limits.html").read_text(encoding="utf-8")

@@ -71,24 +71,24 @@ def test_until_a_loss_is_known_the_other_drive_pushes_alone(drive: int) -> None:
 
 
 def test_motor_encoders_are_ignored_after_a_known_drive_loss(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[bool] = []
+    requested: list[bool] = []
     step = Controller.step
 
     def listening(self: Controller, angle: float, wanted: Array, motors: Array | None = None) -> Control:
         assert motors is not None
-        asked.append(bool(np.isfinite(motors).all()))
+        requested.append(bool(np.isfinite(motors).all()))
         return step(self, angle, wanted, motors)
 
     monkeypatch.setattr(Controller, "step", listening)
     seeing = controller(motor_resolution=2 * np.pi / 4096)
     loop_with_drive_loss(seeing, RIG, REFERENCE, CALM, drive=1, time=0.3, seed=0, detection=0.05)
-    assert asked == [True] * 70 + [False] * 50
+    assert requested == [True] * 70 + [False] * 50
 
 
 # The closed-loop scenario.
 
 
-def test_the_summary_tells_by_how_much_the_error_grew() -> None:
+def test_the_summary_reports_by_how_much_the_error_grew() -> None:
     base = replace(read_scenario("drive-loss"), duration=4.0)
     assert base.drive_loss is not None
     quick = replace(base, drive_loss=replace(base.drive_loss, time=2.0), rig={"encoder_noise": 2e-4})
@@ -134,7 +134,7 @@ def test_the_platform_goes_on_whenever_a_drive_is_lost() -> None:
     assert np.all(found.rms[0] != found.rms[1])
     assert found.kept.all()
     assert found.parted.all()
-    assert found.said
+    assert found.stated
 
 
 def test_the_moments_are_what_they_are_called() -> None:
@@ -156,7 +156,7 @@ def test_a_later_reported_loss_pushes_the_load_further() -> None:
 
 
 @pytest.mark.long
-def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_reports_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "quick.toml").write_text(text({"runs = 3": "runs = 1", "span = 1.0": "span = 0.02"}))
     assert main(["simulate", str(tmp_path / "quick.toml"), "--out", str(tmp_path / "out"), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
@@ -168,12 +168,12 @@ def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "backlash control is lost" in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_a_status_that_says_nothing_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    def silent(*_: object) -> Losses:
-        return replace(losses(), said=False)
+def test_a_status_without_the_loss_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    def without_report(*_: object) -> Losses:
+        return replace(losses(), stated=False)
 
-    monkeypatch.setattr("antidrive.experiments.drive_losses.experiment", silent)
-    assert "does not report" in run(settings({}), 0).said[2]
+    monkeypatch.setattr("antidrive.experiments.drive_losses.experiment", without_report)
+    assert "does not report" in run(settings({}), 0).results[2]
 
 
 @pytest.mark.parametrize(

@@ -48,9 +48,9 @@ def test_names_and_indices(tmp_path, names):
     log = read(tmp_path, *names, units=UNITS)
     np.testing.assert_allclose(log.runs[0].output, SOUND["angle"], atol=1e-6)
     np.testing.assert_allclose(log.runs[0].command, PER_MILLE * RATED / 1000, rtol=1e-12)
-    (told,) = log.warnings
-    assert "CiA 402" in told
-    assert f"'{names[0]}' as angle, '{names[1]}' as torque" in told
+    (warning,) = log.warnings
+    assert "CiA 402" in warning
+    assert f"'{names[0]}' as angle, '{names[1]}' as torque" in warning
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_other_names_are_no_objects(name):
     assert drive_object(name) is None
 
 
-def test_the_other_ways_to_say_how_large_a_count_is(tmp_path):
+def test_the_other_options_for_the_size_of_a_count(tmp_path):
     scaled = read(tmp_path, scales={"angle": 2 * np.pi / COUNTS, "torque": RATED / 1000})
     np.testing.assert_allclose(scaled.runs[0].output, SOUND["angle"], atol=1e-6)
     both = read(tmp_path, scales={"angle": 360 / COUNTS}, units={"angle": "deg", "torque": "permille*2.4*N*m"})
@@ -70,7 +70,7 @@ def test_the_other_ways_to_say_how_large_a_count_is(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "message"),
     [
         ({}, ["'Position actual value' (6064h)", "increments", "--unit angle=turn/131072"]),
         ({"units": {"angle": "turn/131072"}}, ["'Torque actual value' (6077h)", "per mille", "2.4Nm/1000"]),
@@ -84,12 +84,12 @@ def test_the_other_ways_to_say_how_large_a_count_is(tmp_path):
         ({"units": UNITS, "other": {"Target torque": PER_MILLE}}, ["both", "'Target torque'", "--map torque="]),
     ],
 )
-def test_nothing_is_guessed(tmp_path, options, says):
+def test_nothing_is_guessed(tmp_path, options, message):
     with pytest.raises(MalformedLog) as caught:
         read(tmp_path, **options)
     check_sentence(str(caught.value))
     assert str(caught.value).startswith("drive.csv: ")
-    for part in says:
+    for part in message:
         assert part in str(caught.value)
 
 
@@ -143,8 +143,8 @@ def test_through_the_command_line(tmp_path):
     assert refused.code == 2
     assert refused.err.count("\n") == 1
     assert "--unit angle=turn/131072" in refused.err
-    spoken = antidrive(*words, "--unit", "angle=turn/131072", "--unit", "torque=2.4Nm/1000")
-    assert (spoken.code, spoken.err) == (0, "")
+    result = antidrive(*words, "--unit", "angle=turn/131072", "--unit", "torque=2.4Nm/1000")
+    assert (result.code, result.err) == (0, "")
 
 
 FACTORS = {

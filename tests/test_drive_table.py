@@ -166,7 +166,7 @@ def test_a_dead_zone_of_zero_needs_no_table():
 
 
 @pytest.mark.parametrize("kind", ["friction", "cogging", "gravity", "position-error", "dead-zone"])
-def test_the_error_of_straight_lines_is_what_it_says(kind):
+def test_the_error_of_straight_lines_is_as_stated(kind):
     table = drive_table(FULL, kind, points=40)
     finer = drive_table(FULL, kind, points=500, reach=tuple(table.columns[table.ends[0]][[0, -1]]))
     first, last = table.ends
@@ -176,13 +176,13 @@ def test_the_error_of_straight_lines_is_what_it_says(kind):
 
 
 def test_too_few_points_and_other_nonsense_are_refused():
-    for words, said in (
+    for words, text in (
         ({"kind": "cogging", "points": 12}, "12 points are too few for 6 periods"),
         ({"kind": "friction", "points": 1}, "between 2 and"),
         ({"kind": "friction", "reach": (1.0, 0.0)}, "from a lower to a higher"),
         ({"kind": "wobble"}, "There is no table 'wobble'"),
     ):
-        with pytest.raises(BadParameter, match=said):
+        with pytest.raises(BadParameter, match=text):
             drive_table(FULL, **words)
     with pytest.raises(BadParameter, match="no cogging; its effects: none"):
         drive_table(ServoModel(), "cogging")
@@ -190,8 +190,8 @@ def test_too_few_points_and_other_nonsense_are_refused():
 
 def test_the_command_writes_csv_and_c_arrays(tmp_path):
     model, out = write_model(tmp_path / "model.json", FULL), tmp_path / "out"
-    spoken = antidrive("table", "cogging", model, "--points", 64, "--single", "--out", out)
-    assert spoken.code == 0, spoken.err
+    result = antidrive("table", "cogging", model, "--points", 64, "--single", "--out", out)
+    assert result.code == 0, result.err
     assert sorted(listing(out)) == ["antidrive_cogging.h", "cogging.csv"]
     rows = list(csv.reader((out / "cogging.csv").read_text().splitlines()))
     assert rows[0] == ["angle [rad]", "torque [N m]"]
@@ -205,22 +205,22 @@ def test_the_command_writes_csv_and_c_arrays(tmp_path):
         numbers = [float(cell.strip().removesuffix("f")) for cell in body.split(",")]
         assert numbers == pytest.approx(table.columns[name], abs=1e-8)
     assert [name for name, _ in arrays] == ["angle", "torque"]
-    told = json.loads(antidrive("table", "cogging", model, "--out", out, "--json").out)
-    assert told["harmonics"] == [pytest.approx([6.0, 0.05, 0.4 - np.pi])]
-    assert "Harmonic with 6 cycles/rev: amplitude 0.05 N m, phase -2.742 rad at zero." in spoken.out
+    reported = json.loads(antidrive("table", "cogging", model, "--out", out, "--json").out)
+    assert reported["harmonics"] == [pytest.approx([6.0, 0.05, 0.4 - np.pi])]
+    assert "Harmonic with 6 cycles/rev: amplitude 0.05 N m, phase -2.742 rad at zero." in result.out
 
 
 def test_backlash_and_dead_time_are_numbers(tmp_path):
     model = write_model(tmp_path / "model.json", FULL.with_effect(Backlash(gap=0.01, motor_share=0.2)))
     for kind, line in (("backlash", "backlash_gap_arcmin = 34.3775 arcmin"), ("dead-time", "lead = 0.004 s")):
-        spoken = antidrive("table", kind, model, "--out", tmp_path / "out")
-        assert line in spoken.out.splitlines()
+        result = antidrive("table", kind, model, "--out", tmp_path / "out")
+        assert line in result.out.splitlines()
         assert line.split(" = ")[0] in (tmp_path / "out" / f"{kind}.csv").read_text()
     assert "#define ANTIDRIVE_LEAD 0.004 /* s */" in (tmp_path / "out" / "antidrive_dead_time.h").read_text()
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("wobble",), "there are friction, cogging, gravity"),
         (("backlash",), "has no backlash"),
@@ -228,9 +228,9 @@ def test_backlash_and_dead_time_are_numbers(tmp_path):
         (("cogging", "--points", "10"), "too few"),
     ],
 )
-def test_the_command_says_what_is_wrong(words, said, tmp_path):
+def test_the_command_reports_what_is_wrong(words, message, tmp_path):
     model = write_model(tmp_path / "model.json", FULL)
-    spoken = antidrive("table", words[0], model, *words[1:], "--out", tmp_path / "out")
-    assert (spoken.code, spoken.err.count("\n")) == (2, 1)
-    assert said in spoken.err
+    result = antidrive("table", words[0], model, *words[1:], "--out", tmp_path / "out")
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    assert message in result.err
     assert not (tmp_path / "out").exists()

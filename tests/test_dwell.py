@@ -63,7 +63,7 @@ def test_dwell_is_the_longest_run_within_the_band(reading: list[int], band: int)
 
 
 @pytest.mark.long
-def test_a_reversal_has_dwell_without_any_gap() -> None:
+def test_a_reversal_has_dwell_without_any_backlash() -> None:
     t = np.arange(4000) * 0.005
     turning = 0.3 * (1 - np.cos(2 * np.pi * 0.05 * t))
     expected = 2 * np.sqrt(2 * 2e-4 / (0.3 * (2 * np.pi * 0.05) ** 2)) / 0.005  # x = a t^2/2 within the band
@@ -71,14 +71,14 @@ def test_a_reversal_has_dwell_without_any_gap() -> None:
 
 
 @pytest.mark.long
-def test_one_drive_stands_while_it_crosses_its_gap() -> None:
+def test_one_drive_stops_while_it_crosses_its_backlash() -> None:
     one = place(ONE)
     assert found().beyond_gapless[0, one, 0] > 10
     assert found().error[0, one, 1] > 3 * found().error[0, one, 0]
 
 
 @pytest.mark.long
-def test_a_planned_preload_cannot_be_told_from_no_gap() -> None:
+def test_planned_preload_looks_the_same_as_no_backlash() -> None:
     planned = place(PLANNED)
     assert abs(found().beyond_gapless[0, planned, 0]) <= 1
     assert found().error[0, planned, 1] == pytest.approx(found().error[0, planned, 0], rel=0.02)
@@ -95,7 +95,7 @@ def test_two_drives_without_preload_are_no_better_than_one() -> None:
 
 
 @pytest.mark.long
-def test_more_constant_preload_than_enough_buys_heat_alone() -> None:
+def test_more_constant_preload_than_enough_only_adds_copper_loss() -> None:
     much, none, planned = place("both, preload 0.2 N m"), place("both, no preload"), place(PLANNED)
     assert found().least[0, much, 1] > found().least[0, planned, 1] > 0.0
     assert abs(found().beyond_gapless[0, much, 0]) <= 1
@@ -113,7 +113,7 @@ def test_the_papers_35_and_12_are_counted(capsys: pytest.CaptureFixture[str], tm
     assert cases[PLANNED][0] == pytest.approx(12, abs=1)  # no gap at all
 
 
-def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_reports_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     quick = {**SHORT, "frequencies = [0.05, 0.15, 0.3]": "frequencies = [1.0]"}
     (tmp_path / "quick.toml").write_text(short(quick))
     assert main(["simulate", str(tmp_path / "quick.toml"), "--out", str(tmp_path / "out"), "--json"]) == 0

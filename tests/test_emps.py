@@ -75,9 +75,9 @@ def test_emps_friction_is_asymmetric(emps):
     assert (found.verdict, found.causes) == ("unknown", ())
     assert found.unknown.share > 0.05  # of the force: above it no name stands
     assert found.unknown.depends_on == ("velocity",)
-    told = {minor.effect: minor for minor in found.minor}
-    assert max(told, key=lambda name: told[name].rms) == "asymmetric_friction"
-    assert told["asymmetric_friction"].probability > 0.5
+    minor_effects = {minor.effect: minor for minor in found.minor}
+    assert max(minor_effects, key=lambda name: minor_effects[name].rms) == "asymmetric_friction"
+    assert minor_effects["asymmetric_friction"].probability > 0.5
     friction = found.model.effect("asymmetric_friction")
     assert (friction.forward, friction.backward) == pytest.approx((20.0, 20.0), rel=0.05)
     assert friction.viscous_difference == pytest.approx(-37.0, rel=0.1)

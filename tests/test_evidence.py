@@ -16,7 +16,7 @@ from diagnosis.evidence import fitted_sets
 from diagnosis.evidence.discrepancy import _at
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.fitted_sets import fitted as fitted_near
-from diagnosis.evidence.marginal import families_along, weigh
+from diagnosis.evidence.marginal import families_along, marginal_likelihood
 from diagnosis.evidence.posterior import over_blocks
 from diagnosis.evidence.proposals import proposals_of
 from diagnosis.evidence.signatures import Signatures
@@ -64,7 +64,7 @@ def test_nothing_drawn_along_a_motion_knows_a_later_reading() -> None:
     motions = []
     for each in (run, changed):
         behind = replace(fitted, bandwidth=80.0, log=replace(log, runs=(each,)))
-        found = weigh(behind, (), families, catalogue=1, observer=80.0)
+        found = marginal_likelihood(behind, (), families, catalogue=1, observer=80.0)
         assert found is not None
         motions.append(found.screen.motion)
     before, after = motions
@@ -125,30 +125,30 @@ def test_probabilities_of_the_sets_sum_to_one() -> None:
     assert joined_words[0]["effects"] == ["coulomb_friction"]
 
 
-def weighed_by_blocks(log_marginal: float, of_blocks: Any, names: tuple[str, ...] = ()) -> Any:
+def set_with_blocks(log_marginal: float, of_blocks: Any, names: tuple[str, ...] = ()) -> Any:
     """A set of effects as far as its probability needs it."""
 
     def by_block(blocks: int) -> Any:
         return np.array([part.sum() for part in np.array_split(np.asarray(of_blocks, dtype=float), blocks)])
 
     return SimpleNamespace(
-        names=frozenset(names), log_marginal=log_marginal, weighed=SimpleNamespace(by_block=by_block)
+        names=frozenset(names), log_marginal=log_marginal, likelihood=SimpleNamespace(by_block=by_block)
     )
 
 
 def test_a_set_is_sure_where_the_blocks_of_a_log_agree() -> None:
     """Twenty in log odds that all blocks bring are sure; that one of them brings, while others object, are not."""
-    none = weighed_by_blocks(0.0, np.zeros(100))
+    none = set_with_blocks(0.0, np.zeros(100))
     agreed, disagreed = np.full(100, 0.2), np.r_[np.full(5, 16.0), np.full(95, -60.0 / 95.0)]
     assert agreed.sum() == pytest.approx(20.0)
     assert disagreed.sum() == pytest.approx(20.0)
-    assert over_blocks([weighed_by_blocks(20.0, agreed), none], {})[0] > 0.999
-    assert 0.3 < over_blocks([weighed_by_blocks(20.0, disagreed), none], {})[0] < 0.7
+    assert over_blocks([set_with_blocks(20.0, agreed), none], {})[0] > 0.999
+    assert 0.3 < over_blocks([set_with_blocks(20.0, disagreed), none], {})[0] < 0.7
 
 
 def test_validation_data_take_evidence_and_give_none() -> None:
     """Five in log odds do not stand against ten on validation data; nor do those make a name surer that they favour."""
-    none, wave = (weighed_by_blocks(odds, np.zeros(100), names) for odds, names in ((0.0, ()), (5.0, ("wave",))))
+    none, wave = (set_with_blocks(log_odds, np.zeros(100), names) for log_odds, names in ((0.0, ()), (5.0, ("wave",))))
     alone, opposed, favoured, of_another = (
         over_blocks([wave, none], against)[0]
         for against in ({}, {"wave": np.full(20, -0.5)}, {"wave": np.full(20, 0.5)}, {"drag": np.full(20, -0.5)})
@@ -162,9 +162,9 @@ def test_the_blocks_of_a_log_make_its_whole_likelihood() -> None:
     fitted = fit(log_of(4, coulomb_friction={"torque": 0.18}))
     families = families_along(fitted)
     assert families is not None
-    beside = weigh(fitted, {"dead_zone"}, families, catalogue=5, observer=fitted.bandwidth)
+    beside = marginal_likelihood(fitted, {"dead_zone"}, families, catalogue=5, observer=fitted.bandwidth)
     assert beside is not None
-    few, many = (beside.weighed.by_block(blocks) for blocks in (3, 50))
+    few, many = (beside.likelihood.by_block(blocks) for blocks in (3, 50))
     assert few.shape == (3,)
     assert few.sum() == pytest.approx(many.sum())
     left = beside.discrepancy.left - beside.discrepancy.columns @ beside.discrepancy.posterior.functions
@@ -181,9 +181,9 @@ def test_the_size_of_an_unmodelled_torque_is_learned(size: float) -> None:
     families = families_along(fitted)
     assert families is not None
     slower = fitted_near(fitted, [fitted.model], fitted.bandwidth / 4.0)  # a fast observer follows the torque
-    beside = weigh(slower, {"dead_zone"}, families, catalogue=5, observer=fitted.bandwidth)
+    beside = marginal_likelihood(slower, {"dead_zone"}, families, catalogue=5, observer=fitted.bandwidth)
     assert beside is not None
-    assert size / 4.0 < beside.weighed.share < size * 4.0
+    assert size / 4.0 < beside.likelihood.share < size * 4.0
 
 
 def test_a_parameter_that_others_can_follow_wins_no_evidence() -> None:
@@ -194,7 +194,9 @@ def test_a_parameter_that_others_can_follow_wins_no_evidence() -> None:
     assert families is not None
     more = fitted_near(plain, [plain.model.with_effect(TorqueOffset(torque=0.01))], plain.bandwidth)
     base = {"dead_zone", "asymmetric_friction"}
-    less, wider = (weigh(each, base, families, catalogue=5, observer=plain.bandwidth) for each in (plain, more))
+    less, wider = (
+        marginal_likelihood(each, base, families, catalogue=5, observer=plain.bandwidth) for each in (plain, more)
+    )
     assert less is not None
     assert wider is not None
     assert wider.log_marginal - less.log_marginal == pytest.approx(-np.log(5.0), abs=0.1)
@@ -229,9 +231,9 @@ def test_families_are_as_large_as_the_torque_whatever_its_unit() -> None:
     base = fit(log)
     drawn = families_along(base)
     assert drawn is not None
-    weighed = weigh(base, {"dead_zone"}, drawn, catalogue=5, observer=base.bandwidth)
-    motion = weighed.screen.motion  # type: ignore[union-attr]
-    assert drawn.torque.shape == (len(log.runs[0]), len(drawn.variables) - drawn.reading.shape[1])
+    explanation = marginal_likelihood(base, {"dead_zone"}, drawn, catalogue=5, observer=base.bandwidth)
+    motion = explanation.screen.motion  # type: ignore[union-attr]
+    assert drawn.torque.shape == (len(log.runs[0]), len(drawn.variables) - drawn.measurement.shape[1])
     largest = np.sqrt(np.mean(drawn.torque**2, axis=0)).max()
     assert largest == pytest.approx(np.sqrt(np.mean(motion.torque**2)))
     milli = replace(motion, command=1e3 * motion.command, torque=1e3 * motion.torque)
@@ -240,10 +242,14 @@ def test_families_are_as_large_as_the_torque_whatever_its_unit() -> None:
 
 def test_on_a_linear_axis_no_unit_of_length_takes_part() -> None:
     log = log_of(9)
-    motion = weigh(base := fit(log), {"dead_zone"}, families_along(base), catalogue=5, observer=0.0).screen.motion  # type: ignore[arg-type, union-attr]
+    motion = marginal_likelihood(
+        base := fit(log), {"dead_zone"}, families_along(base), catalogue=5, observer=0.0
+    ).screen.motion  # type: ignore[arg-type, union-attr]
     linear = replace(motion, turn=0.0)
     milli = replace(linear, angle=1e3 * linear.angle, velocity=1e3 * linear.velocity)
-    np.testing.assert_allclose(Families.along(milli).reading, Families.along(linear).reading, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        Families.along(milli).measurement, Families.along(linear).measurement, rtol=1e-9, atol=1e-9
+    )
 
 
 def test_a_regressor_of_rounding_alone_explains_nothing() -> None:
@@ -259,7 +265,7 @@ def test_no_set_has_two_motors_before_one_load() -> None:
     fitted = fit(log)
     families = families_along(fitted)
     assert families is not None
-    base = weigh(fitted, {"dead_zone"}, families, catalogue=2, observer=fitted.bandwidth)
+    base = marginal_likelihood(fitted, {"dead_zone"}, families, catalogue=2, observer=fitted.bandwidth)
     assert base is not None
     both = {name: catalogue[name] for name in ("backlash", "compliance", "encoder_eccentricity")}
     proposed = {each.names for each in proposals_of(Signatures.at(base, both, len(both)))}
@@ -269,7 +275,9 @@ def test_no_set_has_two_motors_before_one_load() -> None:
 
 @pytest.mark.parametrize(("turns", "repeats"), [(5.0, True), (0.8, False)])
 def test_unmodelled_torque_repeats_with_each_turn_of_the_load(turns: float, repeats: bool) -> None:
-    motion = weigh(base := fit(log_of(9)), {"dead_zone"}, families_along(base), catalogue=5, observer=0.0).screen.motion  # type: ignore[arg-type, union-attr]
+    motion = marginal_likelihood(
+        base := fit(log_of(9)), {"dead_zone"}, families_along(base), catalogue=5, observer=0.0
+    ).screen.motion  # type: ignore[arg-type, union-attr]
     angle = 2.0 * np.pi * turns * (motion.angle - motion.angle.min()) / np.ptp(motion.angle)
     families = Families.along(replace(motion, angle=angle)).torque
     wave = np.sin(7.0 * angle + 0.4)

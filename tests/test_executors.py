@@ -54,13 +54,13 @@ def alone() -> MonteCarlo:
 def test_a_killed_worker_costs_no_result_and_no_bit(workers: object, alone: MonteCarlo) -> None:
     lines: list[str] = []
 
-    def told(line: str) -> None:
+    def tell(line: str) -> None:
         lines.append(line)
         if len(lines) == 1:
             kill()
 
     with workers() as (executor, kill):  # type: ignore[operator]
-        few, found = run(executor, 4), run(executor, progress=told)
+        few, found = run(executor, 4), run(executor, progress=tell)
         if workers is processes:
             with pytest.raises(BrokenExecutor):
                 executor.submit(math.sqrt, 1.0).result()

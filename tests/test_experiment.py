@@ -16,7 +16,7 @@ from machine import Machine, excitation, record
 import diagnosis.experiment.separating as separating
 from diagnosis import Experiment, Limits, rivals_of, separating_experiment
 from diagnosis.experiment.reshaping import rearranged, reshaped
-from diagnosis.experiment.separation import Rival, Trial, noise_factor
+from diagnosis.experiment.separation import CompetingModel, Trial, noise_factor
 from diagnosis.experiment.signal_design import Design
 from diagnosis.experiment.signal_families import Signal, shapes
 from identification.errors import MalformedLog
@@ -50,7 +50,7 @@ def near(model: ServoModel, log: Log) -> Fit:
 
 
 @lru_cache
-def rivals(pair: str) -> tuple[Machine, Fit, Fit]:
+def competing(pair: str) -> tuple[Machine, Fit, Fit]:
     """A machine that hides the first of a pair, and fits of both to a short log of it."""
     (name, values), (other, wrong) = PAIRS[pair]
     machine = Machine().hiding(**{name: values})
@@ -60,19 +60,19 @@ def rivals(pair: str) -> tuple[Machine, Fit, Fit]:
     return machine, near(first, log), near(second, log)
 
 
-TOLD: dict[str, list[str]] = {}
+PROGRESS: dict[str, list[str]] = {}
 
 
 @lru_cache
 def designed(pair: str) -> Experiment:
-    TOLD[pair] = []
-    return separating_experiment(*rivals(pair)[1:], LIMITS, duration=DURATION, progress=TOLD[pair].append)
+    PROGRESS[pair] = []
+    return separating_experiment(*competing(pair)[1:], LIMITS, duration=DURATION, progress=PROGRESS[pair].append)
 
 
 def task(pair: str, duration: float = DURATION) -> Design:
-    _, first, second = rivals(pair)
-    both, start = (Rival.of(first), Rival.of(second)), float(first.initial[0, 0])
-    return Design(rivals=both, limits=LIMITS, duration=duration, sample_time=SAMPLE_TIME, start=start)
+    _, first, second = competing(pair)
+    both, start = (CompetingModel.of(first), CompetingModel.of(second)), float(first.initial[0, 0])
+    return Design(competing=both, limits=LIMITS, duration=duration, sample_time=SAMPLE_TIME, start=start)
 
 
 def with_experiment(fit: Fit, experiment: Experiment, machine: Machine) -> Fit:
@@ -86,11 +86,11 @@ def with_experiment(fit: Fit, experiment: Experiment, machine: Machine) -> Fit:
 @pytest.mark.parametrize(
     "pair", [pytest.param(pair, marks=[pytest.mark.long] if pair == "load" else []) for pair in PAIRS if pair != "lag"]
 )
-def test_limits_hold_under_both_rivals(pair: str) -> None:
+def test_limits_hold_under_both_competing_models(pair: str) -> None:
     experiment = designed(pair)
     assert experiment.time.shape == experiment.torque.shape == (300,)
     assert np.abs(experiment.torque).max() <= LIMITS.torque
-    for fit, shown in zip(rivals(pair)[1:], experiment.predictions, strict=True):
+    for fit, shown in zip(competing(pair)[1:], experiment.predictions, strict=True):
         begin = beginning(fit.model, angle=experiment.start, torque=experiment.torque[0])
         states = simulate(fit.model, command=experiment.torque, dt=SAMPLE_TIME, state=begin)
         assert np.abs(states[:-1, 1]).max() <= LIMITS.speed
@@ -101,7 +101,7 @@ def test_limits_hold_under_both_rivals(pair: str) -> None:
 @pytest.mark.parametrize(
     "pair", [pytest.param(pair, marks=[pytest.mark.long] if pair == "lag" else []) for pair in PAIRS]
 )
-def test_it_tells_more_than_a_chirp(pair: str) -> None:
+def test_it_separates_better_than_a_chirp(pair: str) -> None:
     experiment = designed(pair)
     assert experiment.separable
     assert experiment.separation > 1.3 * experiment.chirp_separation
@@ -111,8 +111,8 @@ def test_it_tells_more_than_a_chirp(pair: str) -> None:
 @pytest.mark.parametrize(
     "pair", [pytest.param(pair, marks=[pytest.mark.long] if pair == "lag" else []) for pair in PAIRS]
 )
-def test_the_recorded_experiment_speaks_for_what_is_hidden(pair: str) -> None:
-    machine, right, wrong = rivals(pair)
+def test_the_recorded_experiment_supports_what_is_hidden(pair: str) -> None:
+    machine, right, wrong = competing(pair)
     before = right.log_likelihood - wrong.log_likelihood
     after = [with_experiment(fit, designed(pair), machine).log_likelihood for fit in (right, wrong)]
     assert after[0] - after[1] > before + 0.4 * designed(pair).separation
@@ -123,7 +123,7 @@ def test_reshaping_goes_beyond_every_family() -> None:
     assert designed("lag").separation > 1.2 * task("lag").leaders()[0].log_odds
 
 
-def test_a_reshaped_signal_changes_by_the_size_asked_for() -> None:
+def test_a_reshaped_signal_changes_by_the_requested_size() -> None:
     torque = np.linspace(-1.0, 2.0, 400)
     assert reshaped(torque, 0.0, np.random.default_rng(0)) == pytest.approx(torque, abs=1e-12)
     rng = np.random.default_rng(1)
@@ -157,30 +157,30 @@ def test_a_signal_at_its_limits_still_gets_better() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("pair", ["load", pytest.param("lag", marks=pytest.mark.long)])
-def test_it_tells_which_durations_it_tries(pair: str) -> None:
+def test_it_reports_which_durations_it_tries(pair: str) -> None:
     designed(pair)
-    told = TOLD[pair]
-    assert told[0] == "signals of 1.5 s, 0 of 12 durations are tried"
-    assert [int(line.split(", ")[1].split()[0]) for line in told] == list(range(len(told)))
-    assert len(told) > 3
+    progress = PROGRESS[pair]
+    assert progress[0] == "signals of 1.5 s, 0 of 12 durations are tried"
+    assert [int(line.split(", ")[1].split()[0]) for line in progress] == list(range(len(progress)))
+    assert len(progress) > 3
 
 
 def test_without_a_duration_it_is_as_short_as_settles_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    def worth(rate: float) -> Any:
+    def separation(rate: float) -> Any:
         return lambda design, *_: SimpleNamespace(log_odds=rate * design.duration)
 
-    monkeypatch.setattr(Design, "promising", lambda design: [worth(2.0)(design)])
-    monkeypatch.setattr(Design, "chirps", lambda design: [worth(0.5)(design)])
+    monkeypatch.setattr(Design, "promising", lambda design: [separation(2.0)(design)])
+    monkeypatch.setattr(Design, "chirps", lambda design: [separation(0.5)(design)])
     monkeypatch.setattr(Design, "settled", lambda design, found, **_: found)
-    monkeypatch.setattr(Design, "best", worth(3.0))
+    monkeypatch.setattr(Design, "best", separation(3.0))
     design = task("load")
     ladder = separating.durations(SAMPLE_TIME)
     found = separating._shortest(lambda length: replace(design, duration=length), ladder, 0)
     assert found.log_odds == 3.0 * 4.0  # 6 s without reshaping; 3 s would be worth 9, and 9.3 is asked for
     assert separating._chirp_duration(lambda length: replace(design, duration=length), ladder) == 24.0
-    monkeypatch.setattr(Design, "best", worth(0.1))
-    monkeypatch.setattr(Design, "promising", lambda design: [worth(0.1)(design)])
-    monkeypatch.setattr(Design, "chirps", lambda design: [worth(0.1)(design)])
+    monkeypatch.setattr(Design, "best", separation(0.1))
+    monkeypatch.setattr(Design, "promising", lambda design: [separation(0.1)(design)])
+    monkeypatch.setattr(Design, "chirps", lambda design: [separation(0.1)(design)])
     weak = separating._shortest(lambda length: replace(design, duration=length), ladder, 0)
     assert weak.log_odds == pytest.approx(3.2)
     assert separating._chirp_duration(lambda length: replace(design, duration=length), ladder) == np.inf
@@ -189,21 +189,21 @@ def test_without_a_duration_it_is_as_short_as_settles_it(monkeypatch: pytest.Mon
 def test_experiments_scale_with_the_speed_of_the_servo() -> None:
     """Once its signals were a chirp to 30 Hz or a few samples long, whatever the log."""
     slower = 40.0
-    _, *quick = rivals("lag")
+    _, *quick = competing("lag")
     slow = [fit_slower(found, slower) for found in quick]
     limits = replace(LIMITS, speed=LIMITS.speed / slower)
-    first, second = (replace(Rival.of(found), substeps=1) for found in slow)
+    first, second = (replace(CompetingModel.of(found), substeps=1) for found in slow)
     design = replace(
         task("lag"),
-        rivals=(first, second),
+        competing=(first, second),
         limits=limits,
         duration=slower * DURATION,
         sample_time=slower * SAMPLE_TIME,
     )
-    mine, theirs = ({f.signal.family: f.worth.log_odds for f in d.promising()} for d in (design, task("lag")))
+    mine, theirs = ({f.signal.family: f.separation.log_odds for f in d.promising()} for d in (design, task("lag")))
     assert mine == pytest.approx(theirs, rel=0.1)
     mine, theirs = next(design.chirps()), next(task("lag").chirps())
-    assert mine.worth.log_odds == pytest.approx(theirs.worth.log_odds, rel=0.1)
+    assert mine.separation.log_odds == pytest.approx(theirs.separation.log_odds, rel=0.1)
     (ours, *_), (quickest, *_) = (found.trial._tasks(design.start) for found in (mine, theirs))
     assert np.multiply(slower, ours.bandwidths) == pytest.approx(quickest.bandwidths)
     ladder = separating.durations(slower * SAMPLE_TIME)
@@ -239,53 +239,55 @@ def test_a_plain_chirp_has_the_best_of_its_amplitudes() -> None:
 def test_order_of_refits_changes_only_the_time() -> None:
     design = task("presliding")
     found = design.leaders()[0]
-    worth, weakest = found.trial.settled(design.start)
-    assert (worth, weakest) == (found.log_odds, found.weakest)
+    log_odds, weakest = found.trial.settled(design.start)
+    assert (log_odds, weakest) == (found.log_odds, found.weakest)
     assert any(weakest)
-    assert found.trial.settled(design.start, weakest=weakest) == (pytest.approx(worth, rel=1e-9), weakest)
-    assert found.trial.settled(design.start, above=0.99 * worth)[0] == pytest.approx(worth, rel=1e-9)
+    assert found.trial.settled(design.start, weakest=weakest) == (pytest.approx(log_odds, rel=1e-9), weakest)
+    assert found.trial.settled(design.start, above=0.99 * log_odds)[0] == pytest.approx(log_odds, rel=1e-9)
     given_up, tried = found.trial.settled(design.start, above=np.inf)
-    assert given_up > worth
+    assert given_up > log_odds
     assert not any(tried)
 
 
 def test_an_experiment_does_for_every_truth_that_the_log_allows() -> None:
     design = task("presliding")
     found = design.leaders()[0]
-    first, second = design.rivals
+    first, second = design.competing
 
     stiff = first.model.values
     stiff[first.model.names.index("presliding_hysteresis.stiffness")] *= 1e3  # close to Coulomb friction
     other = replace(first, model=first.model.with_values(stiff))
 
-    def worth(rival: Rival, *doubts: np.ndarray) -> float:
+    def log_odds_of(model: CompetingModel, *drawn: np.ndarray) -> float:
         trial = Trial.play(
-            (replace(rival, doubts=doubts), second), found.torque, sample_time=SAMPLE_TIME, start=design.start
+            (replace(model, drawn_values=drawn), second), found.torque, sample_time=SAMPLE_TIME, start=design.start
         )
         return trial.settled(design.start)[0]
 
-    assert worth(first, first.model.values) == pytest.approx(worth(first), rel=1e-9)
+    assert log_odds_of(first, first.model.values) == pytest.approx(log_odds_of(first), rel=1e-9)
     cell = found.trial._tasks(design.start)[0].under(stiff)
     played = Trial.play((other, second), found.torque, sample_time=SAMPLE_TIME, start=design.start)
     assert cell.run.output == pytest.approx(played.runs[0].output)
     alone = min(cell.settled(bandwidth) for bandwidth in cell.bandwidths)
-    assert alone < 0.5 * worth(first)
-    assert worth(first, stiff) == pytest.approx((0.5 * np.sqrt(worth(first)) + 0.5 * np.sqrt(alone)) ** 2, rel=1e-9)
+    assert alone < 0.5 * log_odds_of(first)
+    assert log_odds_of(first, stiff) == pytest.approx(
+        (0.5 * np.sqrt(log_odds_of(first)) + 0.5 * np.sqrt(alone)) ** 2, rel=1e-9
+    )
 
 
 def test_doubts_are_what_the_log_allows() -> None:
-    _, fit, _ = rivals("load")
-    deviations = (np.array(Rival.of(fit).doubts) - fit.model.values)[:, list(fit.free)]
+    _, fit, _ = competing("load")
+    deviations = (np.array(CompetingModel.of(fit).drawn_values) - fit.model.values)[:, list(fit.free)]
     std = np.sqrt(np.diag(fit.covariance))
     assert (np.abs(deviations) < 4.0 * std).all()
     assert (np.abs(deviations).max(axis=0) > 0.05 * std).all()
 
 
 def test_what_the_log_left_open_is_free() -> None:
-    _, fit, _ = rivals("load")
+    _, fit, _ = competing("load")
     covariance = fit.covariance.copy()
     covariance[2], covariance[:, 2] = 0.0, 0.0
-    information = Rival.of(replace(fit, covariance=covariance)).information
+    information = CompetingModel.of(replace(fit, covariance=covariance)).information
     assert not information[2].any()
     assert not information[:, 2].any()
     others = [place for place in range(len(covariance)) if place != 2]
@@ -293,14 +295,14 @@ def test_what_the_log_left_open_is_free() -> None:
     assert information[kept] @ covariance[kept] == pytest.approx(np.eye(len(others)), abs=1e-4)
 
 
-def test_one_model_against_itself_is_said_to_be_inseparable(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_model_against_itself_is_reported_as_inseparable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Design, "refined", lambda design, found, rng: found)
-    first = rivals("load")[1]
+    first = competing("load")[1]
     experiment = separating_experiment(first, first, LIMITS, duration=0.1)
     assert not experiment.separable
     assert str(experiment).startswith("No signal")
-    sure = replace(Rival.of(first), doubts=())
-    design = replace(task("load"), rivals=(sure, sure))
+    sure = replace(CompetingModel.of(first), drawn_values=())
+    design = replace(task("load"), competing=(sure, sure))
     trial = design.play(np.full(200, 3.0))
     assert trial.first_order(design.start).log_odds == 0.0
     assert trial.settled(design.start)[0] == 0.0
@@ -344,20 +346,20 @@ def test_limits_that_leave_no_room_are_refused(options: dict[str, Any], words: s
     ],
 )
 def test_impossible_experiments_are_refused(limits: Limits, duration: float, words: str) -> None:
-    _, first, second = rivals("lag")
+    _, first, second = competing("lag")
     with pytest.raises(BadParameter, match=words):
         separating_experiment(first, second, limits, duration=duration)
 
 
 def test_a_signal_below_breakaway_separates_nothing() -> None:
-    _, first, second = rivals("load")
+    _, first, second = competing("load")
     experiment = separating_experiment(first, second, Limits(torque=4.0, speed=1e-9), duration=1.0)
     assert np.ptp(experiment.predictions[0]) < 1e-9
     assert not experiment.separable
 
 
 def test_a_position_servo_is_refused() -> None:
-    _, first, second = rivals("load")
+    _, first, second = competing("load")
     run = replace(first.log.runs[0], servo_gain=np.ones(len(first.log.runs[0])))
     servo = replace(first, log=replace(first.log, runs=(run,)))
     with pytest.raises(BadParameter, match="position servo"):
@@ -365,15 +367,15 @@ def test_a_position_servo_is_refused() -> None:
 
 
 @pytest.mark.parametrize("signal", list(shapes(0.1)), ids=str)
-def test_waves_have_a_peak_of_one_and_the_length_asked_for(signal: Signal) -> None:
+def test_waves_have_a_peak_of_one_and_the_requested_length(signal: Signal) -> None:
     torque = replace(signal, amplitude=2.0).playable(0.01).torque(8.0, 0.01)
     assert torque.shape == (800,)
     assert np.abs(torque - 0.1).max() <= 2.0 * (1 + 1e-9)
     assert np.abs(torque - 0.1).max() > 1.5
 
 
-def test_a_true_special_case_is_not_told_from_its_general_form() -> None:
-    _, general, special = (Rival.of(fit) if isinstance(fit, Fit) else fit for fit in rivals("presliding"))
+def test_a_true_special_case_equals_its_general_form() -> None:
+    _, general, special = (CompetingModel.of(fit) if isinstance(fit, Fit) else fit for fit in competing("presliding"))
     assert general.contains(special)
     assert not special.contains(general)
 
@@ -391,8 +393,8 @@ def test_observer_noise_matches_filtered_white_noise() -> None:
     assert noise_factor(0.0, step) == 1.0
 
 
-def test_rivals_are_the_best_sets_with_and_without_a_cause() -> None:
-    _, lag, delay = rivals("lag")
+def test_competing_models_are_best_sets_with_and_without_a_cause() -> None:
+    _, lag, delay = competing("lag")
     cause = SimpleNamespace(effect="actuator_lag", probability=0.6)
     one, other = (
         SimpleNamespace(effects=("actuator_lag",), fit=lag),

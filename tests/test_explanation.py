@@ -57,7 +57,7 @@ def clean() -> Diagnosis:
 
 
 @lru_cache
-def nameless() -> Diagnosis:
+def unnamed() -> Diagnosis:
     return diagnose(log_of(quadratic_drag={"drag": 0.03}), candidates=("coulomb_friction",))
 
 
@@ -81,23 +81,23 @@ def test_evidence_compares_the_best_sets_with_and_without() -> None:
 
 def test_size_gain_and_rest_are_the_numbers_of_the_diagnosis() -> None:
     found = friction()
-    told = str(found.explain())
+    reported = str(found.explain())
     size = found.causes[0].parameters["torque"]
-    assert f"torque {measured(size.value, size.std, 'N m')}" in told
+    assert f"torque {measured(size.value, size.std, 'N m')}" in reported
     gain, error = found.gain, gain_errors(found)
     before = measured(gain.held_out_rms_before, error.before, "rad")
     after = measured(gain.held_out_rms_after, error.after, "rad")
-    assert f"reduced by {percent(gain.cut, error.cut)}, from {before} to {after} rms" in told
+    assert f"reduced by {percent(gain.cut, error.cut)}, from {before} to {after} rms" in reported
     floor = gain.noise_floor
-    assert f"{measured(gain.held_out_rms_after / floor, error.after / floor)} times the noise floor" in told
+    assert f"{measured(gain.held_out_rms_after / floor, error.after / floor)} times the noise floor" in reported
     missing = found.residual_before
-    assert f"the residual torque of the base model is {measured(missing.rms, missing.rms_std, 'N m')} rms" in told
-    assert f"predict {percent(found.whiteness)} of the variance" in told
+    assert f"the residual torque of the base model is {measured(missing.rms, missing.rms_std, 'N m')} rms" in reported
+    assert f"predict {percent(found.whiteness)} of the variance" in reported
     worse = replace(gain, held_out_rms_after=1.5 * gain.held_out_rms_before)
     assert "increased by 50" in str(replace(found, gain=worse).explain())
 
 
-def test_the_evidence_adds_up_and_its_moments_are_told() -> None:
+def test_the_evidence_adds_up_and_its_moments_are_reported() -> None:
     found = friction()
     (reason,) = found.explain().reasons
     without = found.without["coulomb_friction"]
@@ -158,7 +158,7 @@ def test_what_lags_or_bends_shows_over_no_variable() -> None:
     assert "does not show it over one variable" in " ".join(reason.sentences)
 
 
-def test_each_of_several_causes_is_told_beside_the_others() -> None:
+def test_each_of_several_causes_is_reported_beside_the_others() -> None:
     found = several()
     together = found.extended.log_likelihood - found.base.log_likelihood
     assert {cause.effect for cause in found.causes} == {"coulomb_friction", "cogging"}
@@ -210,12 +210,12 @@ def test_hidden_sizes_are_those_at_the_detection_threshold() -> None:
         assert again.verdict in verdicts
 
 
-def test_nothing_is_said_to_hide_where_it_cannot_be_said() -> None:
+def test_nothing_is_reported_to_hide_where_it_cannot_be_known() -> None:
     assert detectable(clean().base, ["backlash"]) == {}
 
 
-def test_the_unmodelled_torque_is_told_with_size_and_variable() -> None:
-    found = nameless()
+def test_unmodelled_torque_is_reported_with_size_and_variable() -> None:
+    found = unnamed()
     assert found.verdict == "unknown"
     (reason,) = found.explain().reasons
     assert reason.effect is None
@@ -252,7 +252,7 @@ def test_an_effect_of_ones_own_has_its_title_and_its_signature() -> None:
 
 
 @pytest.mark.parametrize(
-    ("log_bayes", "said"),
+    ("log_bayes", "words"),
     [
         (0.0, "weak (log Bayes factor 0)"),
         (2.25, "positive (log Bayes factor 2.25)"),
@@ -261,18 +261,18 @@ def test_an_effect_of_ones_own_has_its_title_and_its_signature() -> None:
         (-3.5, "against it (log Bayes factor -3.5)"),
     ],
 )
-def test_evidence_in_words(log_bayes: float, said: str) -> None:
-    assert strength(log_bayes) == said
+def test_evidence_in_words(log_bayes: float, words: str) -> None:
+    assert strength(log_bayes) == words
 
 
 def test_the_command_prints_what_the_report_explains(monkeypatch, tmp_path) -> None:
     found = friction()
     monkeypatch.setattr(import_module("diagnosis.diagnose"), "diagnose", lambda *_, **__: found)
     log = write_csv(tmp_path / "log.csv", columns(duration=4.0))
-    spoken = antidrive("diagnose", log, "--out", tmp_path / "out")
-    assert spoken.code == 0, spoken.err
+    result = antidrive("diagnose", log, "--out", tmp_path / "out")
+    assert result.code == 0, result.err
     explained = found.explain()
-    lines = [line.strip() for line in spoken.out.splitlines()]
+    lines = [line.strip() for line in result.out.splitlines()]
     (cause,) = found.causes
     assert cause.probability > 0.9
     assert lines[1].startswith(

@@ -145,8 +145,8 @@ int main(void)
 def test_several_controllers_take_the_documented_memory(tmp_path: Path) -> None:
     made = export(controller("rigid"))
     program = built({**made.files, "pair.c": PAIR}, tmp_path, main="pair.c")
-    said = subprocess.run([program], capture_output=True, text=True, check=True)
-    assert said.stdout == f"50 {made.memory}\n"
+    result = subprocess.run([program], capture_output=True, text=True, check=True)
+    assert result.stdout == f"50 {made.memory}\n"
     assert f"{made.memory} bytes" in made.files["README.txt"]
     symbols = subprocess.run(["nm", "-g", "--defined-only", program], capture_output=True, text=True, check=True)
     assert not re.search(r" [TDB] (solve|control_step|casadi\w*|stage)$", symbols.stdout, re.M)
@@ -162,8 +162,8 @@ def test_the_worst_case_is_counted(name: str, tmp_path: Path) -> None:
     subprocess.run([program], input=f"{columns}\n", capture_output=True, text=True, check=True)
     note = next(tmp_path.glob("*antidrive_controller.gcda"))
     subprocess.run(["gcov", "--json-format", note.name], cwd=tmp_path, capture_output=True, check=True)
-    told = json.loads(gzip.decompress(next(tmp_path.glob("*antidrive_controller*.json.gz")).read_bytes()))
-    counts = {entry["name"]: entry["execution_count"] for file in told["files"] for entry in file["functions"]}
+    reported = json.loads(gzip.decompress(next(tmp_path.glob("*antidrive_controller*.json.gz")).read_bytes()))
+    counts = {entry["name"]: entry["execution_count"] for file in reported["files"] for entry in file["functions"]}
     expected = effort.calls(used._machine_code.stages, used._sizes, worst=True)
     expected["preview"] = 0  # which is for a reference that is not known ahead
     assert {stage: counts[stage] for stage in expected} == expected
@@ -213,8 +213,8 @@ int main(void)
 def test_a_step_takes_less_than_ten_microseconds(tmp_path: Path) -> None:
     recording = recorded(controller("rigid"), ahead=False)
     program = built({**export(controller("rigid")).files, "clock.c": CLOCK}, tmp_path, "-O2", main="clock.c")
-    said = subprocess.run([program], input=recording.lines, capture_output=True, text=True, check=True).stdout
-    seconds, count = said.split()
+    result = subprocess.run([program], input=recording.lines, capture_output=True, text=True, check=True).stdout
+    seconds, count = result.split()
     print(f"a step takes {1e6 * float(seconds):.1f} us on average")
     assert int(count) == len(recording.statuses)
     assert float(seconds) < 10e-6
@@ -240,18 +240,20 @@ def instructions(program: Path, lines: str) -> list[int]:
     counting = ["--tool=callgrind", "--toggle-collect=antidrive_step", "--dump-after=antidrive_step"]
     line = ["valgrind", *counting, "--callgrind-out-file=steps", str(program)]
     subprocess.run(line, input=lines, capture_output=True, text=True, check=True, cwd=program.parent)
-    told = [re.search(r"^(?:summary|totals): (\d+)", file.read_text(), re.M) for file in program.parent.glob("steps*")]
-    return [int(found[1]) for found in told if found and int(found[1])]
+    reported = [
+        re.search(r"^(?:summary|totals): (\d+)", file.read_text(), re.M) for file in program.parent.glob("steps*")
+    ]
+    return [int(found[1]) for found in reported if found and int(found[1])]
 
 
 def test_the_command_writes_files_that_cmake_builds(tmp_path: Path) -> None:
     model, out = write_model(tmp_path / "model.json", MODELS["late"]), tmp_path / "out"
     torques = ["--max-torque", 0.2, "--min-torque", 0.03]
     words = ["--gears", "20,31:161", "--horizon", 12, "--sample-time", 0.004, *torques]
-    spoken = antidrive("export", model, *words, "--out", out, "--json")
-    assert spoken.code == 0, spoken.err
-    told = json.loads(spoken.out)
-    assert sorted(listing(out)) == sorted(told["files"]) == sorted(_own("antidrive", file) for file in FILES)
+    result = antidrive("export", model, *words, "--out", out, "--json")
+    assert result.code == 0, result.err
+    reported = json.loads(result.out)
+    assert sorted(listing(out)) == sorted(reported["files"]) == sorted(_own("antidrive", file) for file in FILES)
     limits = {"min_torque": 0.03, "max_torque": 0.2, "sample_time": 0.004, "horizon": 12}
     same = Controller(read_model(model).model, UNEQUAL, **limits)  # type: ignore[arg-type]
     assert listing(out) == {name: text.encode() for name, text in export(same).files.items()}
@@ -267,12 +269,12 @@ def test_the_command_writes_files_that_cmake_builds(tmp_path: Path) -> None:
 
 
 def test_the_driver_refuses_lines_that_it_does_not_understand(tmp_path: Path) -> None:
-    told = controller("rigid")
-    program = built(export(told).files, tmp_path)
+    reported = controller("rigid")
+    program = built(export(reported).files, tmp_path)
     for line in ("1\n", "1,2,3\n", "0.1,0.2\nhello\n"):
-        said = subprocess.run([program], input="angle,reference\n" + line, capture_output=True, text=True)
-        assert said.returncode == 2
-        assert f"numbers instead of 2 or {told.horizon + 2}" in said.stderr
+        result = subprocess.run([program], input="angle,reference\n" + line, capture_output=True, text=True)
+        assert result.returncode == 2
+        assert f"numbers instead of 2 or {reported.horizon + 2}" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -291,23 +293,23 @@ def test_the_driver_refuses_lines_that_it_does_not_understand(tmp_path: Path) ->
         (("--out", "taken"), "is a file"),
     ],
 )
-def test_what_cannot_be_exported_is_said_in_a_sentence(
+def test_what_cannot_be_exported_is_reported_in_a_sentence(
     words: tuple[object, ...], reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").write_text("mine")
     model = write_model(tmp_path / "model.json")
     before = listing(tmp_path)
-    spoken = antidrive("export", model, "--out", "out", *words)
-    assert spoken.code == 2
-    assert reason in spoken.err
-    assert spoken.err.count("\n") == 1
+    result = antidrive("export", model, "--out", "out", *words)
+    assert result.code == 2
+    assert reason in result.err
+    assert result.err.count("\n") == 1
     assert listing(tmp_path) == before
 
 
 def test_a_missing_model_or_one_without_drives_is_not_exported(tmp_path: Path) -> None:
     linear = write_model(tmp_path / "model.json", ServoModel(gravity=0.0, axis="linear"))
     for model, reason in ((linear, "--ratio"), (tmp_path / "absent.json", "cannot be read")):
-        spoken = antidrive("export", model, "--out", tmp_path / "out")
-        assert (spoken.code, spoken.err.count(reason), spoken.err.count("\n")) == (2, 1, 1)
+        result = antidrive("export", model, "--out", tmp_path / "out")
+        assert (result.code, result.err.count(reason), result.err.count("\n")) == (2, 1, 1)
         assert not (tmp_path / "out").exists()

@@ -20,25 +20,25 @@ def swinging(low: float, high: float, period: float = 5.0, axis: str = "rotary")
     return replace(log, runs=(replace(run, output=angle),), axis=axis)
 
 
-def test_angles_that_the_log_has_not_reached_are_said() -> None:
+def test_angles_that_the_log_has_not_reached_are_reported() -> None:
     seen = swinging(0.0, 2.0)
     assert extrapolation_warning(seen, seen) is None
     assert extrapolation_warning(swinging(-0.09, 2.09), seen) is None  # hardly further
-    told = extrapolation_warning(swinging(-2.0, 2.0), seen)
-    assert told is not None
-    assert told.startswith(
+    warning = extrapolation_warning(swinging(-2.0, 2.0), seen)
+    assert warning is not None
+    assert warning.startswith(
         "48 % of the validation data have angles outside 0 to 2 rad"
     )  # beyond a twentieth of the range
 
 
-def test_speeds_are_said_where_the_angles_are_known() -> None:
+def test_speeds_are_reported_where_the_angles_are_known() -> None:
     seen = swinging(0.0, 2.0, axis="linear")
-    told = extrapolation_warning(swinging(0.0, 2.0, period=2.5, axis="linear"), seen)
-    assert told is not None
-    assert "speeds outside -1.26 to 1.26 m/s" in told
+    warning = extrapolation_warning(swinging(0.0, 2.0, period=2.5, axis="linear"), seen)
+    assert warning is not None
+    assert "speeds outside -1.26 to 1.26 m/s" in warning
 
 
-def test_a_diagnosis_says_that_its_validation_data_go_further() -> None:
+def test_a_diagnosis_reports_that_its_validation_data_go_further() -> None:
     machine = Machine().hiding(coulomb_friction={"torque": 0.2})
     log, near, far = (
         record(machine, scale * excitation(seed, duration=10.0), seed=seed, noise=1e-3).log()

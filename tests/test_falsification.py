@@ -9,14 +9,14 @@ import pytest
 from front_door import columns
 
 from diagnosis.explanation.wording import change, percent
-from diagnosis.measured_motion import MeasuredMotion, reading_noise
+from diagnosis.measured_motion import MeasuredMotion, measurement_noise
 from diagnosis.validation_split import parts, split
 from identification import Log
 
 LOG = Log.from_arrays(**columns())  # its torque is 2 N m at most
 
 
-def test_a_rise_is_said_by_one_figure():
+def test_a_rise_is_reported_by_one_figure():
     assert change(1.0 - np.sqrt(500.0)) == "22 times"
     assert percent(3.2, 0.1) == "320 ± 10 %"
     assert change(-0.3) == "30 %"
@@ -50,17 +50,17 @@ def test_runs_that_stand_still_are_not_held_out():
     kept, held, _ = split(log)
     assert still not in held.runs
     assert len(kept.runs) == 2
-    _, held, said = parts(LOG, replace(LOG, runs=(still,)))
+    _, held, notes = parts(LOG, replace(LOG, runs=(still,)))
     assert held.runs[0].label.endswith("from 8.4 s")
-    assert said[0].startswith(
+    assert notes[0].startswith(
         "The load stands still in that part, so another part is used for validation. Validation data:"
     )
-    _, held, said = parts(LOG, replace(LOG, runs=(LOG.runs[0], still)))
+    _, held, notes = parts(LOG, replace(LOG, runs=(LOG.runs[0], still)))
     assert held.runs == (LOG.runs[0],)
-    assert said == ["The held-out part stands still in still, which is left out."]
+    assert notes == ["The held-out part stands still in still, which is left out."]
 
 
-def test_the_motion_is_told_as_the_sensor_saw_it():
+def test_the_motion_is_reported_as_the_sensor_saw_it():
     time, rng = 0.01 * np.arange(3000), np.random.default_rng(0)
     staircase = np.repeat([16.0, 31.0, 47.0, 63.0, 79.0, 94.0, 110.0, 126.0, 63.0, 31.0], 300)
 
@@ -81,4 +81,4 @@ def test_the_motion_is_told_as_the_sensor_saw_it():
 
 
 def test_the_noise_of_the_reading_holds_no_motion():
-    assert reading_noise(LOG.runs[0]) == pytest.approx(1e-4, rel=0.2)
+    assert measurement_noise(LOG.runs[0]) == pytest.approx(1e-4, rel=0.2)

@@ -54,7 +54,7 @@ def test_an_effect_means_what_the_catalogue_means_by_it(name):
     assert np.abs(moved.reading - expected)[alike].max() < 5e-3 * np.abs(moved.reading - plain.reading)[alike].max()
 
 
-def test_the_worth_of_every_effect_balances_the_motion():
+def test_the_torques_of_all_effects_balance_the_motion():
     machine = Machine(
         inertia=0.02,
         gravity=0.0,
@@ -67,9 +67,9 @@ def test_the_worth_of_every_effect_balances_the_motion():
     moved = play(machine, lambda k, y, t: values[k], time, 0.0, noise=np.zeros(N), count=0.0, substeps=10)
     travel = np.diff(moved.angle) / DT
     needed = 0.02 * moved.acceleration[:-1] + 0.05 * travel
-    given = moved.driving + sum(moved.worth.values())
+    given = moved.driving + sum(moved.torques.values())
     assert np.abs(needed - given[:-1]).max() < 1e-4
-    assert np.abs(moved.worth["coulomb_friction"]).max() == pytest.approx(0.1)
+    assert np.abs(moved.torques["coulomb_friction"]).max() == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("seed", [3, 200_007])
@@ -83,14 +83,14 @@ def test_a_seed_gives_the_same_log_again_also_from_a_folder(seed, tmp_path):
 
 def test_names_of_the_tables_are_those_of_the_catalogue():
     assert set(VARIABLES) | {"torque_offset", "dead_zone", "torque_measurement_lag"} == set(catalogue)
-    assert {name for true, told, _ in TABLE for name in (true, *told)} <= set(catalogue)
+    assert {name for true, reported_names, _ in TABLE for name in (true, *reported_names)} <= set(catalogue)
 
 
 def hidden(name, size=1.0, visible=1e4, alike=()):
     return {"name": name, "parameters": {}, "size": size, "rms": size, "visible": visible, "alike": alike}
 
 
-def said(effect, probability=0.99, rms=1.0, **more):
+def reported(effect, probability=0.99, rms=1.0, **more):
     return {"effect": effect, "probability": probability, "grade": "cause", "alternatives": [], "rms": rms, **more}
 
 
@@ -102,23 +102,23 @@ def outcome(truth, names, verdict="named", rest=0.1, left_out=None, depends_on=(
 
 COULOMB, DRAG = hidden("coulomb_friction", alike=(("stribeck_friction",),)), hidden("quadratic_drag")
 CASES = [
-    ("right", outcome([COULOMB], [said("coulomb_friction")])),
-    ("right", outcome([COULOMB], [said("stribeck_friction", wider=0.01)])),
-    ("wrong", outcome([COULOMB], [said("stribeck_friction", wider=0.5)])),
-    ("missed", outcome([hidden("stribeck_friction")], [said("coulomb_friction")])),
+    ("right", outcome([COULOMB], [reported("coulomb_friction")])),
+    ("right", outcome([COULOMB], [reported("stribeck_friction", wider=0.01)])),
+    ("wrong", outcome([COULOMB], [reported("stribeck_friction", wider=0.5)])),
+    ("missed", outcome([hidden("stribeck_friction")], [reported("coulomb_friction")])),
     ("right", outcome([], [], "nothing_missing")),
     ("right", outcome([], [], "unknown")),
-    ("wrong", outcome([COULOMB], [said("coulomb_friction"), said("cogging", rms=0.2)])),
-    ("right", outcome([COULOMB], [said("coulomb_friction"), said("cogging", rms=0.05)])),
-    ("wrong", outcome([COULOMB], [said("coulomb_friction"), said("input_delay", rms=None)])),
-    ("wrong", outcome([COULOMB], [said("coulomb_friction"), said("cogging", rms=None)])),
-    ("honest", outcome([COULOMB, DRAG], [said("coulomb_friction")], "unknown")),
-    ("missed", outcome([COULOMB, DRAG], [said("coulomb_friction")])),
+    ("wrong", outcome([COULOMB], [reported("coulomb_friction"), reported("cogging", rms=0.2)])),
+    ("right", outcome([COULOMB], [reported("coulomb_friction"), reported("cogging", rms=0.05)])),
+    ("wrong", outcome([COULOMB], [reported("coulomb_friction"), reported("input_delay", rms=None)])),
+    ("wrong", outcome([COULOMB], [reported("coulomb_friction"), reported("cogging", rms=None)])),
+    ("honest", outcome([COULOMB, DRAG], [reported("coulomb_friction")], "unknown")),
+    ("missed", outcome([COULOMB, DRAG], [reported("coulomb_friction")])),
     ("missed", outcome([COULOMB], [], "nothing_missing")),
     ("right", outcome([hidden("cogging", visible=20.0)], [], "nothing_missing")),
     ("right", outcome([hidden("cogging", size=0.05)], [], "nothing_missing")),
     ("honest", outcome([COULOMB], [], "unknown", left_out="coulomb_friction", depends_on=["velocity"])),
-    ("missed", outcome([COULOMB, DRAG], [said("quadratic_drag")], left_out="coulomb_friction")),
+    ("missed", outcome([COULOMB, DRAG], [reported("quadratic_drag")], left_out="coulomb_friction")),
     ("crash", {**outcome([COULOMB], []), "failed": "no end"}),
 ]
 
@@ -129,19 +129,19 @@ def test_an_outcome_is_scored_by_the_rules(category, case):
 
 
 def test_what_was_left_out_asks_for_the_right_variable():
-    told = outcome([COULOMB], [], "unknown", left_out="coulomb_friction", depends_on=["angle"])
-    assert (score(told).silent, score(told).variable) == (False, False)
-    told["depends_on"] = ["velocity", "angle"]
-    assert score(told).variable is True
-    told["verdict"] = "named"
-    assert score(told).silent is True
+    found = outcome([COULOMB], [], "unknown", left_out="coulomb_friction", depends_on=["angle"])
+    assert (score(found).unreported, score(found).variable) == (False, False)
+    found["depends_on"] = ["velocity", "angle"]
+    assert score(found).variable is True
+    found["verdict"] = "named"
+    assert score(found).unreported is True
 
 
 def test_probabilities_of_names_for_one_effect_count_together():
     lag = hidden("actuator_lag", alike=(("input_delay",), ("sensor_lag",)))
-    told = outcome([lag, DRAG], [said("input_delay", 0.6), said("sensor_lag", 0.3), said("cogging", 0.2)])
-    assert sorted((round(p, 9), hit) for p, hit in score(told).events) == [(0.2, False), (0.9, True)]
-    assert score(told).unsaid == 1
+    found = outcome([lag, DRAG], [reported("input_delay", 0.6), reported("sensor_lag", 0.3), reported("cogging", 0.2)])
+    assert sorted((round(p, 9), hit) for p, hit in score(found).events) == [(0.2, False), (0.9, True)]
+    assert score(found).unmentioned == 1
 
 
 def test_the_table_counts_every_log_once():

@@ -129,7 +129,7 @@ def test_a_sheet_of_excel_has_lines_and_units(tmp_path):
     assert read(tmp_path, KINDS["excel, second sheet"]).notes == ("log: of 2 sheets, 'log' is read",)
 
 
-def test_sheets_that_are_alike_are_runs(tmp_path):
+def test_sheets_with_the_same_columns_are_runs(tmp_path):
     parts = (ROWS[:70], ROWS[70:])
     two = {title: [["arm"], list(SOUND), *part] for title, part in zip(("slow", "fast"), parts, strict=True)}
     (tmp_path / "log.xlsx").write_bytes(excel({"about": [["station", 7]], **two}))
@@ -214,14 +214,14 @@ REFUSED = {
 
 @pytest.mark.parametrize("kind", REFUSED)
 def test_refused_in_one_sentence(tmp_path, kind):
-    content, says = REFUSED[kind]
-    with pytest.raises(MalformedLog, match=says) as caught:
+    content, message = REFUSED[kind]
+    with pytest.raises(MalformedLog, match=message) as caught:
         read(tmp_path, content)
     check_sentence(str(caught.value))
 
 
 @pytest.mark.parametrize("module", ["openpyxl", "h5py", "pyarrow.feather"])
-def test_a_missing_library_says_what_to_install(tmp_path, monkeypatch, module):
+def test_a_missing_library_is_reported_with_what_to_install(tmp_path, monkeypatch, module):
     monkeypatch.setitem(sys.modules, module, None)
     kind = {"openpyxl": "excel", "h5py": "hdf5", "pyarrow.feather": "feather"}[module]
     with pytest.raises(MalformedLog, match=r"install it with pip install 'antidrive\[logs\]'"):

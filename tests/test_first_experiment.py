@@ -45,7 +45,7 @@ def test_the_plan_keeps_every_limit_and_uses_most_of_it(limits, rate):
     assert plan["time"].iloc[-1] < 400.0
 
 
-def test_a_log_of_the_plan_tells_the_model():
+def test_a_log_of_the_plan_determines_the_model():
     truth = ServoModel(inertia=0.05, gravity=0.3, viscous_friction=0.1, effects=(CoulombFriction(torque=0.2),))
     goal = first_experiment(ARM)["setpoint"].to_numpy()
     states = simulate(truth, command=200.0 * goal, dt=0.005, servo_gain=200.0, servo_damping=3.0)
@@ -59,7 +59,7 @@ def test_a_log_of_the_plan_tells_the_model():
     assert tested.values["viscous"] == pytest.approx(0.1, rel=0.1)
 
 
-def test_a_torque_plan_keeps_its_limit_and_tells_the_model():
+def test_a_torque_plan_keeps_its_limit_and_shows_the_model():
     truth = ServoModel(inertia=0.5, gravity=0.3, viscous_friction=0.4, effects=(CoulombFriction(torque=0.2),))
     plan = first_experiment(DriveLimits(torque=2.0), rate=100.0)
     torque = plan["torque"].to_numpy()
@@ -74,7 +74,7 @@ def test_a_torque_plan_keeps_its_limit_and_tells_the_model():
 
 
 @pytest.mark.parametrize(
-    ("limits", "said"),
+    ("limits", "message"),
     [
         ({"speed": 1.0}, "travel, speed and acceleration"),
         ({"torque": 1.0, "speed": 1.0}, "the torque alone"),
@@ -83,8 +83,8 @@ def test_a_torque_plan_keeps_its_limit_and_tells_the_model():
         ({"travel": (1.0, 0.0), "speed": 1.0, "acceleration": 1.0}, "from a lower to a higher"),
     ],
 )
-def test_limits_that_are_none_are_refused(limits, said):
-    with pytest.raises(BadParameter, match=said):
+def test_limits_that_are_none_are_refused(limits, message):
+    with pytest.raises(BadParameter, match=message):
         DriveLimits(**limits)
 
 
@@ -97,15 +97,15 @@ def test_a_rate_that_cannot_follow_is_refused():
 def test_the_command_writes_the_plan(tmp_path):
     out = tmp_path / "experiment.csv"
     words = ("plan", "--limits", "travel=-1:1,speed=5,acceleration=50", "--rate", 100, "--out", out)
-    spoken = antidrive(*words)
-    assert spoken.code == 0, spoken.err
-    assert spoken.out.startswith("chirp: ")
-    assert "Units: time s, setpoint rad, velocity rad/s, acceleration rad/s^2;" in spoken.out
-    assert "Warning" not in spoken.out
+    result = antidrive(*words)
+    assert result.code == 0, result.err
+    assert result.out.startswith("chirp: ")
+    assert "Units: time s, setpoint rad, velocity rad/s, acceleration rad/s^2;" in result.out
+    assert "Warning" not in result.out
     table = pd.read_csv(out)
     assert table["setpoint"].to_numpy() == pytest.approx(first_experiment(ARM, rate=100.0)["setpoint"].to_numpy())
-    told = json.loads(antidrive(*words, "--json").out)
-    assert told["duration"] == pytest.approx(len(table) / 100.0)
+    reported = json.loads(antidrive(*words, "--json").out)
+    assert reported["duration"] == pytest.approx(len(table) / 100.0)
 
 
 def test_a_plan_of_more_than_an_hour_is_warned_of(tmp_path):
@@ -121,8 +121,8 @@ def test_a_plan_of_more_than_an_hour_is_warned_of(tmp_path):
 @pytest.mark.parametrize(
     "limits", ["speed", "speed=fast", "travel=1,speed=1,acceleration=1", "torque=1,torque=2", "torque=-1"]
 )
-def test_the_command_says_what_is_wrong(limits, tmp_path):
-    spoken = antidrive("plan", "--limits", limits, "--out", tmp_path / "out" / "plan.csv")
-    assert (spoken.code, spoken.err.count("\n")) == (2, 1)
-    assert "imits" in spoken.err
+def test_the_command_reports_what_is_wrong(limits, tmp_path):
+    result = antidrive("plan", "--limits", limits, "--out", tmp_path / "out" / "plan.csv")
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    assert "imits" in result.err
     assert not (tmp_path / "out").exists()

@@ -133,7 +133,7 @@ def test_an_integrating_plant_does_not_drift_in_the_fit() -> None:
 
 
 @pytest.mark.parametrize("torque", [0.0, 0.4])
-def test_a_load_that_never_turns_says_nothing_about_gravity(torque: float) -> None:
+def test_a_load_that_never_turns_does_not_show_gravity(torque: float) -> None:
     """Clamped: the torque moves nothing, so nothing can be told, and no number is made up."""
     command = torque * chirp_and_steps(6, duration=10.0)
     clamped = Machine(effects={"coulomb_friction": {"torque": 100.0}})
@@ -210,7 +210,7 @@ def test_the_report_has_what_one_looks_for() -> None:
     assert "log-likelihood" in text
 
 
-def test_what_cannot_be_asked_is_refused() -> None:
+def test_what_cannot_be_fitted_is_refused() -> None:
     log = open_loop().log(0)
     with pytest.raises(BadParameter, match="mass"):
         fit(log, fixed=("mass",))

@@ -11,7 +11,7 @@ NAMES = ("inertia", "gravity", "viscous_friction", "dead_zone.half_width")
 MACHINES = 12
 
 
-def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
+def test_intervals_cover_the_truth_as_often_as_stated() -> None:
     rng = np.random.default_rng(7)
     truth = np.array([2.0, 0.5, 0.8, 0.5]) * 1.6 ** rng.uniform(-1.0, 1.0, (MACHINES, 4))
     inertia, gravity, friction, gap = truth.T

@@ -31,7 +31,7 @@ def place(tmp_path_factory) -> Path:
     return folder
 
 
-def test_words_and_toml_say_the_same(tmp_path: Path) -> None:
+def test_words_and_toml_agree(tmp_path: Path) -> None:
     typed = FitOptions.typed(
         fixed=["gravity,inertia=0.2"],
         bounds=["viscous_friction=0:0.3", "coulomb_friction.torque=-1e-3:2"],
@@ -96,8 +96,8 @@ def test_the_words_reach_the_work(command, place, monkeypatch, tmp_path) -> None
     monkeypatch.setattr(import_module("identification.fit"), "fit", listen)
     words = ["--fixed", "gravity=0.6", "--bounds", "inertia=0.1:0.9", "--prior", "viscous_friction=0.5:0.1"]
     choice = ["--exclude", "cogging", "--effects", OWN] if command == "diagnose" else ["--effects", OWN]
-    spoken = antidrive(command, place / "log.csv", *words, *choice, "--out", tmp_path / "out")
-    assert (spoken.code, spoken.err) == (2, "antidrive: heard.\n")
+    result = antidrive(command, place / "log.csv", *words, *choice, "--out", tmp_path / "out")
+    assert (result.code, result.err) == (2, "antidrive: heard.\n")
     assert heard["fixed"] == {"gravity": 0.6}
     assert (heard["bounds"], heard["prior"]) == ({"inertia": (0.1, 0.9)}, {"viscous_friction": (0.5, 0.1)})
     if command == "diagnose":
@@ -127,24 +127,24 @@ def test_the_words_reach_the_work(command, place, monkeypatch, tmp_path) -> None
         ("--effects plain.py", "@dataclass(frozen=True, kw_only=True) above Plain"),
     ],
 )
-def test_words_that_cannot_be_are_said_in_one_sentence(words, expected, place, monkeypatch) -> None:
+def test_words_that_cannot_be_are_reported_in_one_sentence(words, expected, place, monkeypatch) -> None:
     monkeypatch.chdir(place)
     head = "from plant import Effect\nfrom plant.effects import Stage\n"
-    said = '    title = equation = trace = "x"\n    stage = Stage.LOAD\n'
+    body = '    title = equation = trace = "x"\n    stage = Stage.LOAD\n'
     files = {
         "broken": "x = 1\ny = x / 0\n",
         "wrong": "def (",
         "hollow": head,
         "nameless": head + "class Nameless(Effect):\n    pass\n",
-        "known": head + 'class Known(Effect):\n    name = "cogging"\n' + said,
-        "plain": head + 'class Plain(Effect):\n    name = "plain"\n' + said,
+        "known": head + 'class Known(Effect):\n    name = "cogging"\n' + body,
+        "plain": head + 'class Plain(Effect):\n    name = "plain"\n' + body,
     }
     for name, text in files.items():
         Path(f"{name}.py").write_text(text)
-    spoken = antidrive("identify", "log.csv", *words.split(), "--out", "bad")
-    assert (spoken.code, spoken.out) == (2, "")
-    assert spoken.err.count("\n") == 1
-    assert expected in spoken.err
+    result = antidrive("identify", "log.csv", *words.split(), "--out", "bad")
+    assert (result.code, result.out) == (2, "")
+    assert result.err.count("\n") == 1
+    assert expected in result.err
     assert not Path("bad").exists()
 
 
@@ -164,22 +164,22 @@ def test_every_command_reads_a_model_with_an_own_effect(place, monkeypatch, tmp_
         ("simulate", "short.toml", "--model", "own.json", "--out", tmp_path / "loop"),
         ("export", "own.json", "--max-torque", 0.4, "--out", tmp_path / "code"),
     ):
-        spoken = antidrive(*words)
-        assert spoken.code == 2
-        assert "--effects FILE.py" in spoken.err
-        spoken = antidrive(*words, *known, "--json")
-        assert spoken.code == 0, spoken.err
+        result = antidrive(*words)
+        assert result.code == 2
+        assert "--effects FILE.py" in result.err
+        result = antidrive(*words, *known, "--json")
+        assert result.code == 0, result.err
         if words[0] == "predict":
-            assert json.loads(spoken.out)["runs"][0]["rms"] < 1e-3
+            assert json.loads(result.out)["runs"][0]["rms"] < 1e-3
     found = read_model(tmp_path / "fit" / "model.json", read_effects(OWN)).model
     np.testing.assert_allclose(found.values, MODEL.values, rtol=0.02, atol=0.002)
 
 
 def test_an_effect_of_ones_own_is_named(place, tmp_path) -> None:
     words = ("--base", place / "plain.json", "--effects", OWN, "--candidates", "windage,coulomb_friction")
-    spoken = antidrive("diagnose", place / "log.csv", *words, "--out", tmp_path / "out")
-    assert spoken.code == 0, spoken.err
-    assert "Windage: probability > 99.9 %" in spoken.out
+    result = antidrive("diagnose", place / "log.csv", *words, "--out", tmp_path / "out")
+    assert result.code == 0, result.err
+    assert "Windage: probability > 99.9 %" in result.out
     assert "windage" in (tmp_path / "out" / "report.html").read_text()
 
 
@@ -187,7 +187,7 @@ def test_a_parameter_may_have_a_value_in_each_run(tmp_path: Path) -> None:
     one = columns(MODEL, duration=6.0)
     two = {name: np.concatenate((values, values)) for name, values in one.items()}
     write_csv(tmp_path / "two.csv", two | {"run": np.repeat((1, 2), len(one["time"]))})
-    spoken = antidrive("identify", tmp_path / "two.csv", "--per-run", "inertia", "--json", "--out", tmp_path / "out")
-    assert spoken.code == 0, spoken.err
-    named = [name for name in json.loads(spoken.out)["parameters"] if name.startswith("inertia[")]
+    result = antidrive("identify", tmp_path / "two.csv", "--per-run", "inertia", "--json", "--out", tmp_path / "out")
+    assert result.code == 0, result.err
+    named = [name for name in json.loads(result.out)["parameters"] if name.startswith("inertia[")]
     assert len(named) == 2

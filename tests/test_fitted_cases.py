@@ -27,7 +27,7 @@ def fitted(path: str, units: dict[str, str]) -> Fit:
     return found
 
 
-def told(found: Fit, name: str) -> float:
+def value_of(found: Fit, name: str) -> float:
     value = found[name].value
     assert value is not None
     return value
@@ -37,27 +37,27 @@ def told(found: Fit, name: str) -> float:
 def test_a_laboratory_motor_is_identified_in_whole_and_in_part(file: str) -> None:
     """The part had ended at 1 kg m^2: its torque has one level, with which a dead zone trades places."""
     found = fitted(f"14-prbs-lab-kit/{file}", DEGREES)
-    assert 1.1e-4 < told(found, "inertia") < 1.9e-4
-    assert told(found, "viscous_friction") == pytest.approx(2.9e-3, rel=0.05)
+    assert 1.1e-4 < value_of(found, "inertia") < 1.9e-4
+    assert value_of(found, "viscous_friction") == pytest.approx(2.9e-3, rel=0.05)
 
 
 def test_steady_levels_of_speed_give_the_friction() -> None:
     """Seen from a fast observer, 1 kg m^2 had explained as much as the motor."""
     found = fitted("05-staircase-idle-tail/log.csv", {})
-    assert told(found, "viscous_friction") == pytest.approx(7.6e-4, rel=0.25)
-    assert told(found, "dead_zone.half_width") == pytest.approx(0.052, rel=0.25)
-    assert told(found, "inertia") < 1e-3
+    assert value_of(found, "viscous_friction") == pytest.approx(7.6e-4, rel=0.25)
+    assert value_of(found, "dead_zone.half_width") == pytest.approx(0.052, rel=0.25)
+    assert value_of(found, "inertia") < 1e-3
 
 
 def test_a_random_current_with_clock_jitter_gives_the_motor() -> None:
     found = fitted("02-eigenvalues-crash/log.csv", {})
-    assert told(found, "inertia") == pytest.approx(2.0e-4, rel=0.25)
-    assert told(found, "viscous_friction") == pytest.approx(1.9e-3, rel=0.25)
+    assert value_of(found, "inertia") == pytest.approx(2.0e-4, rel=0.25)
+    assert value_of(found, "viscous_friction") == pytest.approx(1.9e-3, rel=0.25)
 
 
 def test_a_spindle_at_26000_rpm_is_a_motor_like_others() -> None:
     found = fitted("06-fast-motor-refused/log_spindle_synthetic.csv", {})
-    assert told(found, "inertia") == pytest.approx(2e-6, rel=0.1)
+    assert value_of(found, "inertia") == pytest.approx(2e-6, rel=0.1)
 
 
 def test_a_motor_beyond_1000_radians_a_second_is_diagnosed() -> None:

@@ -70,11 +70,11 @@ def test_the_parameters_count_and_so_does_where_it_starts(tmp_path: Path) -> Non
         assert slave.get("load_angle", "velocity") == state[:2].tolist()
         slave.sample(torque=value)
     for spec in LATE.parameters:
-        told = slave.variables[spec.name]
-        assert (told.causality, told.unit, float(told.start)) == (
+        declared = slave.variables[spec.name]
+        assert (declared.causality, declared.unit, float(declared.start)) == (
             "parameter", spec.unit, LATE.values[LATE.names.index(spec.name)]
         )  # fmt: skip
-        assert told.min is None or float(told.min) == spec.lower
+        assert declared.min is None or float(declared.min) == spec.lower
     slave.close()
 
 
@@ -206,9 +206,9 @@ def test_what_is_not_understood_is_refused(tmp_path: Path, capfd: pytest.Capture
     slave.slave.guid = "{another}"
     with pytest.raises(Exception, match="instantiate"):
         slave.slave.instantiate()
-    said = capfd.readouterr().out
+    printed = capfd.readouterr().out
     for reason in ("forward by a finite time", "no variable", "fmi2GetString is not offered", "modelDescription.xml"):
-        assert reason in said, said
+        assert reason in printed, printed
     with pytest.raises(BadParameter, match="sample_time"):
         servo_fmu(MODELS["rigid"], sample_time=0.0)
     with pytest.raises(BadParameter, match="linear"):
@@ -287,16 +287,16 @@ def test_ziglang_brings_the_other_platforms(tmp_path: Path) -> None:
 
 def test_the_command_writes_both(tmp_path: Path) -> None:
     model, out = write_model(tmp_path / "model.json", LATE), tmp_path / "out"
-    spoken = antidrive("export", model, "--fmu", "--out", out, "--sample-time", 0.004, "--json")
-    assert spoken.code == 0, spoken.err
-    told = json.loads(spoken.out)
-    assert sorted(listing(out)) == sorted(told["files"]) == ["antidrive_controller.fmu", "antidrive_plant.fmu"]
-    for entry in told["fmus"]:
+    result = antidrive("export", model, "--fmu", "--out", out, "--sample-time", 0.004, "--json")
+    assert result.code == 0, result.err
+    reported = json.loads(result.out)
+    assert sorted(listing(out)) == sorted(reported["files"]) == ["antidrive_controller.fmu", "antidrive_plant.fmu"]
+    for entry in reported["fmus"]:
         found = fmpy.read_model_description(str(out / f"{entry['name']}.fmu"))
         assert float(found.defaultExperiment.stepSize) == 0.004
         by = {kind: [v.name for v in found.modelVariables if v.causality == kind] for kind in ("input", "output")}
         assert (by["input"], by["output"]) == (entry["inputs"], entry["outputs"])
-    assert "input_delay.time" in told["fmus"][1]["parameters"]
+    assert "input_delay.time" in reported["fmus"][1]["parameters"]
     refused = antidrive("export", model, "--fmu", "--single", "--out", tmp_path / "other")
     assert (refused.code, refused.err.count("double precision"), refused.err.count("\n")) == (2, 1, 1)
     assert not (tmp_path / "other").exists()

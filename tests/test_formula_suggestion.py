@@ -60,12 +60,12 @@ def test_an_excluded_drag_is_suggested_from_its_curve() -> None:
     shape = {f"c{k}": 0.0 for k in range(KNOTS)}
     with_curve = ServoModel.paper().with_effect(CurveOverVelocity(low=-3.0, high=3.0, **shape))
     fixed = ["curve_over_velocity.low", "curve_over_velocity.high", "viscous_friction"]
-    said = suggested_formula(fit(log, with_curve, fixed=fixed))
-    assert said is not None
-    assert "Over velocity v" in said
-    assert "looks like -0." in said
-    assert " v |v| [N m], beside viscous friction" in said
-    assert said.endswith("not a finding.")
+    suggested = suggested_formula(fit(log, with_curve, fixed=fixed))
+    assert suggested is not None
+    assert "Over velocity v" in suggested
+    assert "looks like -0." in suggested
+    assert " v |v| [N m], beside viscous friction" in suggested
+    assert suggested.endswith("not a finding.")
 
 
 def test_a_linear_axis_is_described_by_position_and_force() -> None:
@@ -77,11 +77,11 @@ def test_a_linear_axis_is_described_by_position_and_force() -> None:
     model = ServoModel(inertia=2.0, viscous_friction=0.8, gravity=0.0, axis="linear").with_effect(curve)
     found = fit(axis, model, fixed=kept)
     like_a_sine = found.model.without_effect(curve.name).with_effect(curve)
-    said = suggested_formula(replace(found, model=like_a_sine, covariance=np.eye(len(found.free))))
-    assert said is not None
-    assert said.startswith("Over position x the force that the model lacks looks like ")
-    assert "[N]" in said
-    assert "sin(" not in said
+    suggested = suggested_formula(replace(found, model=like_a_sine, covariance=np.eye(len(found.free))))
+    assert suggested is not None
+    assert suggested.startswith("Over position x the force that the model lacks looks like ")
+    assert "[N]" in suggested
+    assert "sin(" not in suggested
 
 
 def test_over_time_nothing_is_suggested_nor_without_a_curve() -> None:

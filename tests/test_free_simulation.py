@@ -47,9 +47,9 @@ def test_a_last_piece_of_a_few_samples_goes_with_the_one_before() -> None:
 def test_a_piece_without_measured_start_continues_the_previous() -> None:
     (through,) = free_simulation(masked(400, 600), TRUTH, window=4.0)
     np.testing.assert_allclose(through, ANGLE, atol=1e-3)
-    (blind,) = free_simulation(masked(0, 30), TRUTH)
-    assert np.all(np.isfinite(blind))
-    assert blind[0] == 0.0
+    (unmeasured,) = free_simulation(masked(0, 30), TRUTH)
+    assert np.all(np.isfinite(unmeasured))
+    assert unmeasured[0] == 0.0
 
 
 def test_masked_samples_do_not_find_the_start() -> None:

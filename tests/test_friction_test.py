@@ -90,7 +90,7 @@ def test_one_direction_leaves_the_offset_in_the_friction():
     assert "one way only" in found.sentences()[0]
 
 
-def test_friction_below_zero_is_spoken_of():
+def test_friction_below_zero_is_reported():
     log = driven(PLAIN, STAIRCASE)
     found = friction_test(Log.from_arrays(**{**log, "torque": -log["torque"]}))
     assert any(line.startswith("The friction is negative") for line in found.sentences())
@@ -146,11 +146,11 @@ def test_a_staircase_with_an_idle_tail_is_understood():
 
 def test_the_command_writes_points_curve_and_model(tmp_path):
     log, out = write_csv(tmp_path / "sweep.csv", driven(STRIBECK, SWEEP)), tmp_path / "out"
-    spoken = antidrive("friction", log, "--out", out)
-    assert spoken.code == 0, spoken.err
+    result = antidrive("friction", log, "--out", out)
+    assert result.code == 0, result.err
     assert sorted(listing(out)) == ["friction.csv", "friction.json", "model.json", "report.html"]
     assert listing(out)["friction.csv"].decode().splitlines()[0].startswith("velocity [rad/s],torque [N m],error [N m]")
-    assert spoken.out.startswith("Coulomb friction F_c: 0.2")
+    assert result.out.startswith("Coulomb friction F_c: 0.2")
     content = json.loads((out / "friction.json").read_text())
     assert content["parameters"]["excess"]["unit"] == "N m"
     read = read_model(out / "model.json")
@@ -158,10 +158,10 @@ def test_the_command_writes_points_curve_and_model(tmp_path):
     assert antidrive("table", "friction", out / "model.json", "--out", out).code == 0
 
 
-def test_the_command_says_what_is_wrong(tmp_path):
+def test_the_command_reports_what_is_wrong(tmp_path):
     log = write_csv(tmp_path / "log.csv", driven(PLAIN, np.full(2000, 0.5)))
-    spoken = antidrive("friction", log, "--out", tmp_path / "out")
-    assert (spoken.code, spoken.err.count("\n")) == (2, 1)
+    result = antidrive("friction", log, "--out", tmp_path / "out")
+    assert (result.code, result.err.count("\n")) == (2, 1)
     assert not (tmp_path / "out").exists()
 
 

@@ -53,22 +53,22 @@ def test_the_import_is_fast_and_brings_nothing_heavy(tmp_path):
 
 
 def test_the_example_of_the_docstring_runs(monkeypatch, capsys):
-    asked = []
+    requested = []
 
     def diagnose(log):
-        asked.append(log)
-        files = {"report": asked.append, "extended": SimpleNamespace(model=PLAIN, save=asked.append)}
+        requested.append(log)
+        files = {"report": requested.append, "extended": SimpleNamespace(model=PLAIN, save=requested.append)}
         return SimpleNamespace(**files)
 
     monkeypatch.setitem(vars(ad), "diagnose", diagnose)
     lines = [line for line in inspect.cleandoc(ad.__doc__).splitlines() if line.startswith("    ")]
     exec("\n".join(lines).replace("\n    ", "\n").strip(), {})
-    assert asked == ["log.csv", "report.html", "model.json"]
+    assert requested == ["log.csv", "report.html", "model.json"]
     assert float(capsys.readouterr().out.split()[-1]) > 0.0
 
 
 @pytest.mark.parametrize("window", [None, 2.0])
-def test_predict_says_what_the_command_says(window, tmp_path):
+def test_predict_reports_what_the_command_reports(window, tmp_path):
     table = columns(PLAIN, duration=5.0)
     log, model = write_csv(tmp_path / "log.csv", table), write_model(tmp_path / "model.json")
     found = ad.predict(PLAIN, table, window=window)
@@ -97,13 +97,15 @@ def test_a_prediction_of_a_speed_is_called_velocity(axis, tmp_path):
 
 @pytest.mark.parametrize("name", ["plant", "mpc", "diagnosis"])
 @pytest.mark.parametrize("line", ["import antidrive", "import {name}\nimport antidrive as ad"])
-def test_a_file_of_the_same_name_is_told_by_its_name(name, line, tmp_path):
+def test_a_file_of_the_same_name_is_reported_by_its_name(name, line, tmp_path):
     (tmp_path / f"{name}.py").write_text("")
     done = python(line.format(name=name), tmp_path)
     assert done.returncode == 1
-    said = done.stderr.splitlines()[-1]
-    assert said.startswith(f"ImportError: {tmp_path / name}.py stands in the way of antidrive's own package '{name}'")
-    assert f"my_{name}.py" in said
+    last_line = done.stderr.splitlines()[-1]
+    assert last_line.startswith(
+        f"ImportError: {tmp_path / name}.py stands in the way of antidrive's own package '{name}'"
+    )
+    assert f"my_{name}.py" in last_line
 
 
 def test_a_folder_without_package_shadows_nothing(tmp_path):

@@ -39,7 +39,7 @@ def test_an_apparent_payload_at_the_start_is_none() -> None:
 
 
 @pytest.mark.long
-def test_the_name_that_says_more_takes_its_place() -> None:
+def test_the_effect_that_explains_more_takes_its_place() -> None:
     found = diagnose(sweep(GIVES), None, sweep(GIVES), candidates=["payload_change", "presliding_hysteresis"])
     assert [cause.effect for cause in found.causes] == ["presliding_hysteresis"]
 

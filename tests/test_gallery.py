@@ -38,7 +38,7 @@ def sections(page: str) -> dict[str, str]:
     return {name: part.split("</section>")[0] for name, part in zip(parts[::2], parts[1::2], strict=True)}
 
 
-def test_every_effect_has_a_section_with_parameters_and_rivals(page: str) -> None:
+def test_every_effect_has_a_section_with_its_confounded_effects(page: str) -> None:
     found = sections(page)
     assert set(found) == set(catalogue)
     for name, kind in catalogue.items():
@@ -98,7 +98,7 @@ def test_every_picture_shows_something(name: str) -> None:
         ("sensor_lag", "velocity"),
     ],
 )
-def test_a_picture_is_drawn_over_what_tells(name: str, variable: str) -> None:
+def test_a_picture_is_drawn_over_the_informative_variable(name: str, variable: str) -> None:
     found = signature(catalogue[name])
     assert found is not None
     assert found.variable == variable
@@ -223,17 +223,17 @@ def test_equations_are_printed_by_the_browser_itself() -> None:
     assert "http" not in printed
 
 
-def test_the_command_lists_tells_and_draws(monkeypatch, tmp_path) -> None:
+def test_the_command_lists_describes_and_draws(monkeypatch, tmp_path) -> None:
     monkeypatch.chdir(tmp_path)
-    spoken = antidrive("effects", "cogging")
-    assert spoken.code == 0
-    assert spoken.out.startswith("Cogging (load)\n" + paragraphs(catalogue["cogging"])[0])
-    assert "  amplitude [N m or N], from 0: amplitude A\n" in spoken.out
-    assert "  confused with: encoder_eccentricity, gravity_offset\n" in spoken.out
+    result = antidrive("effects", "cogging")
+    assert result.code == 0
+    assert result.out.startswith("Cogging (load)\n" + paragraphs(catalogue["cogging"])[0])
+    assert "  amplitude [N m or N], from 0: amplitude A\n" in result.out
+    assert "  confused with: encoder_eccentricity, gravity_offset\n" in result.out
     assert listing(tmp_path) == {}
-    told = json.loads(antidrive("effects", "dead_zone", "--json").out)["effects"]
-    assert [entry["name"] for entry in told] == ["dead_zone"]
-    assert told[0]["parameters"] == [
+    reported = json.loads(antidrive("effects", "dead_zone", "--json").out)["effects"]
+    assert [entry["name"] for entry in reported] == ["dead_zone"]
+    assert reported[0]["parameters"] == [
         {"name": "half_width", "meaning": "half width gamma", "unit": "N m", "lower": 0.0, "upper": None}
     ]
     unknown = antidrive("effects", "stiktion")
@@ -244,16 +244,16 @@ def test_the_command_lists_tells_and_draws(monkeypatch, tmp_path) -> None:
 def test_without_a_name_the_gallery_is_written(monkeypatch, tmp_path) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("antidrive.gallery.gallery_page", lambda provenance, progress: f"page of {provenance.command}")
-    spoken = antidrive("effects")
-    assert spoken.code == 0
-    assert spoken.out == f"{table()}\nWritten to antidrive-out: gallery.html\n"
-    assert all(f"{name} " in spoken.out for name in catalogue)
+    result = antidrive("effects")
+    assert result.code == 0
+    assert result.out == f"{table()}\nWritten to antidrive-out: gallery.html\n"
+    assert all(f"{name} " in result.out for name in catalogue)
     assert listing(tmp_path) == {"antidrive-out/gallery.html": b"page of antidrive effects"}
     antidrive("effects", "cogging", "--out", tmp_path / "two", "--quiet")
     assert list(listing(tmp_path / "two")) == ["gallery.html"]
 
 
-def test_a_bench_holds_what_it_says() -> None:
+def test_a_bench_contains_what_it_states() -> None:
     for servo in (False, True):
         motion = standard_excitation(servo, CoulombFriction).motion
         assert motion.sample_time == pytest.approx(SAMPLE_TIME)

@@ -37,8 +37,8 @@ def compound(file):
     file["log"] = RECORDS
 
 
-def pickled(said):
-    return np.bytes_(pickle.dumps(said, protocol=0))
+def pickled(content):
+    return np.bytes_(pickle.dumps(content, protocol=0))
 
 
 def pandas_table(file):
@@ -128,7 +128,7 @@ def test_groups_with_one_time_are_one_table(tmp_path):
     assert table.clocks == {}
 
 
-def test_names_that_two_groups_have_are_told_apart(tmp_path):
+def test_names_that_two_groups_have_are_distinguished(tmp_path):
     def write(file):
         for k in (1, 2):
             file[f"axis{k}/angle"] = k * SOUND["angle"]

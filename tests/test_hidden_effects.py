@@ -46,7 +46,7 @@ def test_the_hidden_effect_is_named_and_its_size_recovered(case: Hidden) -> None
 
 
 @pytest.mark.long
-def test_a_gap_is_named_alone_in_a_short_log_and_measured() -> None:
+def test_backlash_is_named_alone_in_a_short_log_and_measured() -> None:
     """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one.
 
     What such a log measures is therefore their product. How it is split between them hangs on the shape of the knocks,
@@ -67,7 +67,7 @@ def test_a_gap_is_named_alone_in_a_short_log_and_measured() -> None:
 
 
 @pytest.mark.long
-def test_a_gap_between_soft_flanks_has_no_companion() -> None:
+def test_backlash_between_soft_flanks_is_named_alone() -> None:
     """Between flanks that count as hard two logs of four got a payload change too, one at 1.000."""
     hidden = Machine(flank_frequency=150.0, flank_damping=0.3).hiding(backlash={"gap": 0.02, "motor_share": 0.3})
     few = ["backlash", "compliance", "payload_change", "input_delay"]

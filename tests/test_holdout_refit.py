@@ -35,7 +35,7 @@ def test_the_same_machine_has_nothing_to_add(fitted, seed):
     assert holdout_differences(fitted, log_of(rubbing(0.3), seed)) == ()
 
 
-def test_a_machine_that_changed_says_what_did(fitted):
+def test_of_a_machine_that_changed_the_parameter_is_reported(fitted):
     (opinion,) = holdout_differences(fitted, log_of(rubbing(0.6), 2))
     assert opinion.parameter == "coulomb_friction.torque"
     assert opinion.value == pytest.approx(0.3, abs=0.02)
@@ -46,22 +46,22 @@ def test_a_machine_that_changed_says_what_did(fitted):
 
 
 @pytest.mark.parametrize(("swing", "noise", "known"), [(0.3, 0.05, True), (0.2, 1e-3, False)])
-def test_a_log_that_excites_more_tells_what_the_first_could_not(swing, noise, known):
+def test_a_log_that_excites_more_shows_what_the_first_could_not(swing, noise, known):
     torque = swing * np.sin(np.arange(0.0, 10.0, 0.005)) + (0.55 if known else 0.0)  # the latter within the dead zone
     base = fit(record(Machine(gravity=0.0), torque, seed=1, noise=noise).log(), ServoModel.paper())
-    told = {opinion.parameter: opinion for opinion in holdout_differences(base, log_of(Machine(gravity=0.0), 2))}
-    inertia = told["inertia"]
+    differences = {opinion.parameter: opinion for opinion in holdout_differences(base, log_of(Machine(gravity=0.0), 2))}
+    inertia = differences["inertia"]
     assert inertia.held_out_value == pytest.approx(2.0, abs=5.0 * inertia.held_out_std)
     assert (inertia.value is not None) == known
     assert ("cannot tell" in str(inertia)) != known
 
 
 @pytest.mark.long
-def test_a_diagnosis_says_it_and_does_not_heed_it():
+def test_a_diagnosis_reports_it_and_ignores_it():
     log = log_of(rubbing(0.3), 1)
-    asked = ["coulomb_friction"]
-    same = diagnose(log, None, log_of(rubbing(0.3), 2), candidates=asked)
-    other = diagnose(log, None, log_of(rubbing(0.6), 2), candidates=asked)
+    candidates = ["coulomb_friction"]
+    same = diagnose(log, None, log_of(rubbing(0.3), 2), candidates=candidates)
+    other = diagnose(log, None, log_of(rubbing(0.6), 2), candidates=candidates)
     assert not any("validation data alone" in warning for warning in same.warnings)
     assert any("coulomb friction: torque 0.6" in warning for warning in other.warnings)
     np.testing.assert_array_equal(same.model.values, other.model.values)
@@ -72,7 +72,7 @@ def line(value: float | None, std: float | None, name: str = "viscous_friction")
 
 
 @pytest.mark.parametrize(
-    ("here", "there", "said"),
+    ("here", "there", "message"),
     [
         (line(1.0, 0.1), line(1.0 + 4.1 * np.hypot(0.1, 0.2), 0.2), True),
         (line(1.0, 0.1), line(1.0 - 4.1 * np.hypot(0.1, 0.2), 0.2), True),
@@ -90,14 +90,14 @@ def line(value: float | None, std: float | None, name: str = "viscous_friction")
         (line(1.0, 0.1, "curve_over_angle.k3"), line(9.0, 0.1, "curve_over_angle.k3"), False),
     ],
 )
-def test_what_is_worth_saying(here, there, said):
-    assert (_compared(here, there) is not None) == said
+def test_what_is_reported(here, there, message):
+    assert (_compared(here, there) is not None) == message
 
 
-@pytest.mark.parametrize(("there", "said"), [(-3.12, None), (-2.8, 2.0 * np.pi - 2.8), (3.5, 3.5)])
-def test_phases_are_compared_around_the_circle(there, said):
+@pytest.mark.parametrize(("there", "message"), [(-3.12, None), (-2.8, 2.0 * np.pi - 2.8), (3.5, 3.5)])
+def test_phases_are_compared_around_the_circle(there, message):
     opinion = _compared(line(3.12, 0.01, "cogging.phase"), line(there, 0.01, "cogging.phase"))
-    assert (opinion and opinion.held_out_value) == (said and pytest.approx(said))
+    assert (opinion and opinion.held_out_value) == (message and pytest.approx(message))
 
 
 def test_the_noise_has_the_colour_that_was_found(fitted):

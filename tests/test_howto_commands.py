@@ -95,11 +95,11 @@ def commands(page: str) -> list[list[str]]:
 
 
 def read(folder: Path, words: list[str]) -> Log:
-    told = antidrive(*words, "--out", folder / "out")
-    assert told.code == 0, told.err
+    result = antidrive(*words, "--out", folder / "out")
+    assert result.code == 0, result.err
     again = antidrive("identify", folder / "out" / "log.toml", "--out", folder / "fit", "--quiet")
     assert again.code == 0, again.err
-    return told
+    return result
 
 
 @pytest.mark.parametrize(("page", "file"), WRITERS)
@@ -107,9 +107,9 @@ def test_the_page_reads_a_file_of_its_kind(page, file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     WRITERS[page, file](tmp_path / file)
     (words,) = [words for words in commands(page) if words[1] == file]
-    told = read(tmp_path, words)
-    assert "used as" in told.out
-    assert "Log(1 run, 600 samples, 200 Hz, 3.00 s, rotary), command in N m" in told.out
+    result = read(tmp_path, words)
+    assert "used as" in result.out
+    assert "Log(1 run, 600 samples, 200 Hz, 3.00 s, rotary), command in N m" in result.out
 
 
 SERVOS = {
@@ -131,12 +131,12 @@ def test_the_options_of_a_small_servo_read_its_log(servo, tmp_path):
     rows = re.findall(r"^\| ([^|]+) \| [^|]+ \| `([^|]+)` \|$", (PAGES / "small_servos.md").read_text("utf-8"), re.M)
     options = dict(rows)[servo].replace("KT", "0.08").split()
     csv(tmp_path / "log.csv", {"time": TIME, **SERVOS[servo]})
-    told = read(tmp_path, ["inspect", str(tmp_path / "log.csv"), *options])
-    assert "recognised as" not in told.err
-    assert "600 samples" in told.out
+    result = read(tmp_path, ["inspect", str(tmp_path / "log.csv"), *options])
+    assert "recognised as" not in result.err
+    assert "600 samples" in result.out
 
 
-def test_a_velocity_in_turns_is_told_by_its_factor(tmp_path):
+def test_a_velocity_in_turns_is_identified_by_its_factor(tmp_path):
     csv(tmp_path / "log.csv", {"time": TIME, "angle": ANGLE, "torque": TORQUE, "velocity": VELOCITY / TURN})
     assert "--unit velocity=turn/s" in antidrive("inspect", tmp_path / "log.csv", "--out", tmp_path / "out").out
 
@@ -221,11 +221,11 @@ def test_a_yokogawa_is_read_by_resolution_and_offset(quoted, tmp_path):
         Log.read(place, **options)
 
 
-def test_a_tachometer_in_volts_says_what_to_give(tmp_path, monkeypatch):
+def test_a_tachometer_in_volts_is_refused_with_what_to_give(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     oscilloscope(tmp_path / "scope.csv")
     words = ("inspect", "scope.csv", "--map", "torque=CH1", "--scale", "torque=0.5", "--map", "velocity=CH2")
-    told = antidrive(*words, "--out", "out")
-    assert told.code == 2
-    assert "give what one V is worth with --scale velocity=" in told.err
+    result = antidrive(*words, "--out", "out")
+    assert result.code == 2
+    assert "give what one V is worth with --scale velocity=" in result.err
     assert antidrive(*words, "--scale", "velocity=10", "--out", "out").code == 0

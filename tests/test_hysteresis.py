@@ -25,9 +25,9 @@ KNOTS = np.linspace(-1.0, 1.0, len(HEIGHTS))
 def test_a_straight_line_over_the_memory_is_dahls_friction() -> None:
     bare = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
     line = dict(zip(HEIGHTS, -0.3 * KNOTS, strict=True))
-    rivals = (PreslidingHysteresis(torque=0.3, stiffness=8.0), Hysteresis(low=-1.0, high=1.0, way=0.3 / 8.0, **line))
+    forms = (PreslidingHysteresis(torque=0.3, stiffness=8.0), Hysteresis(low=-1.0, high=1.0, way=0.3 / 8.0, **line))
     command = excitation(1, duration=3.0)
-    one, other = (simulate(bare.with_effect(rival), command=command, dt=0.005, substeps=5) for rival in rivals)
+    one, other = (simulate(bare.with_effect(form), command=command, dt=0.005, substeps=5) for form in forms)
     assert np.ptp(one[:, 0]) > 1.0
     assert other[:, :2] == pytest.approx(one[:, :2], abs=1e-9)
 

@@ -41,7 +41,7 @@ def wave(size: float):
     return size * (np.sin(2 * np.pi * 0.6 * TIME) + np.sin(2 * np.pi * 1.5 * TIME))
 
 
-def said(of: Log) -> list[str]:
+def statements(of: Log) -> list[str]:
     return [sentence.split(":")[0] for sentence in blind_spots(fit(of))]
 
 
@@ -51,13 +51,13 @@ ZONE = "The dead zone is confounded with a torque offset"
 STICTION = "Stiction cannot be seen"
 
 
-def test_a_telling_log_has_no_blind_spots():
-    assert said(Log.from_arrays(**columns(TRUTH))) == []
-    assert said(record(Rig.paper_like(coulomb_friction=0.25, encoder_noise=1e-4), seed=0)) == []
-    assert said(swung(wave(0.5))) == []
+def test_an_informative_log_has_no_blind_spots():
+    assert statements(Log.from_arrays(**columns(TRUTH))) == []
+    assert statements(record(Rig.paper_like(coulomb_friction=0.25, encoder_noise=1e-4), seed=0)) == []
+    assert statements(swung(wave(0.5))) == []
 
 
-def test_a_load_that_hardly_turns_does_not_show_gravity():
+def test_a_load_that_turns_too_little_does_not_show_gravity():
     (sentence,) = blind_spots(fit(swung(wave(0.05))))
     assert sentence == f"{GRAVITY}: the load turns by 11 degrees only; let it turn by more than 90 degrees."
 
@@ -70,13 +70,13 @@ def test_motion_without_reversal_hides_friction_and_dead_zone():
     assert "is never slower than 3.4 rad/s; let it stop" in sentences[1]
     assert "never changes its sign; let it pass through zero slowly." in sentences[2]
     # from rest the start is in the log, and with it the breaking away
-    assert STICTION not in said(played(WHEEL, one_way))
+    assert STICTION not in statements(played(WHEEL, one_way))
 
 
 def test_fast_reversals_show_dry_friction_but_no_stiction():
     square = np.where(np.sin(2 * np.pi * 0.25 * TIME) > 0, 1.0, -1.0)
     fast = np.cumsum(np.convolve(square, np.ones(2) / 2, "same")) * DT * 40
-    assert said(swung(fast)) == [STICTION]
+    assert statements(swung(fast)) == [STICTION]
 
 
 def test_a_torque_within_the_dead_zone_is_to_be_raised():
@@ -96,16 +96,16 @@ def test_a_load_that_never_moves_has_no_diagnosis_but_advice(level, noise):
 
 
 def test_a_steady_speed_shows_no_inertia_and_no_viscous_friction():
-    blind = {"Inertia cannot be seen", "Viscous friction is confounded with dry friction"}
-    assert blind <= set(said(swung(3.0 * TIME)))
-    assert not blind & set(said(swung(wave(0.05))))
+    expected = {"Inertia cannot be seen", "Viscous friction is confounded with dry friction"}
+    assert expected <= set(statements(swung(3.0 * TIME)))
+    assert not expected & set(statements(swung(wave(0.05))))
 
 
 def test_a_linear_axis_has_no_gravity_to_show():
     torque = 2.0 * np.sin(2 * np.pi * TIME) + np.sin(2 * np.pi * 2.3 * TIME)
     still = 1e-3 * played(WHEEL, torque).runs[0].output
     axis = Log.from_arrays(time=TIME, force=torque, position=still)
-    assert GRAVITY not in said(axis)
+    assert GRAVITY not in statements(axis)
 
 
 @pytest.mark.parametrize(("size", "expected"), [(0.02, [GRAVITY]), (0.5, [])])

@@ -156,14 +156,14 @@ def test_what_an_interrupted_library_raises_is_the_stop(number, code):
 
 
 @pytest.mark.parametrize(("what", "code"), [(KeyboardInterrupt(), 130), (Stopped(15), 143), (RuntimeError("x"), 1)])
-def test_what_is_said_of_the_results_is_so(what, code, tmp_path, monkeypatch):
+def test_what_is_reported_of_the_results_is_true(what, code, tmp_path, monkeypatch):
     def fail(*_: object, **__: object) -> None:
         raise what
 
     monkeypatch.setattr("antidrive.console.Console.result", fail)
-    spoken = antidrive("capability", "--out", tmp_path / "out")
-    assert spoken.code == code
-    assert spoken.err.endswith(f"; the results are in {tmp_path / 'out'}.\n")
+    result = antidrive("capability", "--out", tmp_path / "out")
+    assert result.code == code
+    assert result.err.endswith(f"; the results are in {tmp_path / 'out'}.\n")
     monkeypatch.setattr("antidrive.report.capability_page", fail)
     assert antidrive("capability", "--out", tmp_path / "no").err.endswith("; nothing was written.\n")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out"]

@@ -14,7 +14,7 @@ from diagnosis import Diagnosis, diagnose
 from identification.log import Log, Run
 
 HIDDEN = {"coulomb_friction": {"torque": 0.3}, "cogging": {"amplitude": 0.2, "order": 12.0, "phase": 0.7}}
-ASKED = (*HIDDEN, "torque_offset", "gravity_offset", "input_delay")
+CANDIDATES = (*HIDDEN, "torque_offset", "gravity_offset", "input_delay")
 
 
 def run_of(seed: int) -> Run:
@@ -57,24 +57,27 @@ def every_second_sample(found: tuple[Run, ...]) -> tuple[Run, ...]:
     return tuple(part(run, slice(None, None, 2), run.number) for run in found)
 
 
-def hardly_disturbed(found: tuple[Run, ...]) -> tuple[Run, ...]:
+def barely_disturbed(found: tuple[Run, ...]) -> tuple[Run, ...]:
     draw = np.random.default_rng(0).normal
     size = 1e-7 * max(float(np.ptp(run.output)) for run in found)
     return tuple(replace(run, output=run.output + size * draw(size=len(run))) for run in found)
 
 
-def told(found: tuple[Run, ...], validation: Log) -> Diagnosis:
-    return diagnose(Log(runs=found, axis="rotary"), None, validation, candidates=ASKED)
+def diagnosed_of(found: tuple[Run, ...], validation: Log) -> Diagnosis:
+    return diagnose(Log(runs=found, axis="rotary"), None, validation, candidates=CANDIDATES)
 
 
 @cache
 def as_it_is() -> Diagnosis:
-    return told(runs(), held_out())
+    return diagnosed_of(runs(), held_out())
 
 
-@pytest.mark.parametrize("change", [later, in_another_order, with_one_in_two, every_second_sample, hardly_disturbed])
+@pytest.mark.parametrize("change", [later, in_another_order, with_one_in_two, every_second_sample, barely_disturbed])
 def test_the_verdict_is_the_same_however_a_log_is_written(change: Callable[[tuple[Run, ...]], tuple[Run, ...]]) -> None:
-    one, other = as_it_is(), told(change(runs()), held_out() if change is not every_second_sample else _thinned())
+    one, other = (
+        as_it_is(),
+        diagnosed_of(change(runs()), held_out() if change is not every_second_sample else _thinned()),
+    )
     assert one.verdict == other.verdict == "named"
     assert {cause.effect for cause in one.causes} == {cause.effect for cause in other.causes} == set(HIDDEN)
     for effect in HIDDEN:

@@ -56,9 +56,11 @@ def test_the_motion_of_a_simulation_gives_its_command():
     model = ServoModel(inertia=0.5, gravity=0.3, viscous_friction=0.2, effects=effects)
     angle, velocity, acceleration, command = moved(model)
     found = model.inverse(angle, velocity, acceleration)
-    told = (np.abs(velocity) > 0.05) & (np.abs(command - 0.1 * velocity) > 0.11)  # it slides, and the dead zone passes
-    assert told.mean() > 0.6
-    assert np.abs(found["torque"] - command)[told].max() < 1e-5
+    determined = (np.abs(velocity) > 0.05) & (
+        np.abs(command - 0.1 * velocity) > 0.11
+    )  # it slides, and the dead zone passes
+    assert determined.mean() > 0.6
+    assert np.abs(found["torque"] - command)[determined].max() < 1e-5
     assert list(found)[:3] == ["inertia", "gravity", "viscous_friction"]
     assert list(found)[3:-1] == [effect.name for effect in model.effects]
     assert found.attrs["unit"] == "N m"
@@ -123,7 +125,7 @@ class Squared(Effect):
         return torque * torque
 
 
-def test_what_is_not_undone_is_said():
+def test_what_is_not_undone_is_reported():
     effects = (
         InputDelay(time=0.01),
         ActuatorLag(time_constant=0.004),
@@ -146,7 +148,7 @@ def test_what_is_not_undone_is_said():
 
 
 @pytest.mark.parametrize("name", catalogue)
-def test_every_effect_acts_or_is_said_not_to(name):
+def test_every_effect_acts_or_is_reported_not_to(name):
     kind = catalogue[name]
     own = {spec.name: float(np.clip(0.1, spec.lower, spec.upper)) for spec in parameters_of(kind)}
     model = ServoModel(
@@ -160,13 +162,13 @@ def test_every_effect_acts_or_is_said_not_to(name):
 
 
 @pytest.mark.parametrize(
-    ("motion", "said"),
+    ("motion", "message"),
     [
         (([0.0, 1.0], [0.0, 1.0, 2.0], 0.0), "the same length"),
         (([0.0, 1.0], [0.0, np.nan], 0.0), "velocity is not finite in row 1"),
         (([], [], []), "as numbers or as"),
     ],
 )
-def test_a_motion_that_is_none_is_refused(motion, said):
-    with pytest.raises(BadParameter, match=said):
+def test_a_motion_that_is_none_is_refused(motion, message):
+    with pytest.raises(BadParameter, match=message):
         ServoModel().inverse(*motion)

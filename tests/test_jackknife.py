@@ -40,7 +40,7 @@ def test_a_cut_is_surer_than_what_is_cut() -> None:
     assert std == pytest.approx(1.0 / np.sqrt(4000), rel=0.4)  # of a ratio of two independent root mean squares
 
 
-def test_one_sample_says_nothing() -> None:
+def test_one_sample_gives_no_estimate() -> None:
     assert jackknife(float, np.ones(1)) == 0.0
 
 
@@ -51,7 +51,7 @@ def lacking():
     return fit(Log.from_arrays(**columns(truth, duration=12.0)), PLAIN)
 
 
-def test_the_bandwidth_is_as_sure_as_the_likelihood_says(lacking) -> None:
+def test_the_bandwidth_error_is_that_of_the_likelihood(lacking) -> None:
     std = bandwidth_std(lacking)
     assert lacking.bandwidth > 0.0
     problem = Problem.of(lacking.log, lacking.model)
@@ -66,7 +66,7 @@ def test_a_free_simulation_has_no_bandwidth_to_be_sure_of() -> None:
     assert bandwidth_std(fit(Log.from_arrays(**columns(PLAIN, duration=6.0)), PLAIN)) is None
 
 
-def test_the_missing_torque_says_how_sure_it_is(lacking) -> None:
+def test_the_missing_torque_has_a_standard_error(lacking) -> None:
     missing = residual_torque(lacking)
     assert 0.01 < missing.rms_std / missing.rms < 0.3
     velocity = next(curve for curve in missing.curves if curve.variable == "velocity")

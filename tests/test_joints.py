@@ -289,7 +289,7 @@ def test_structures_and_ragged_lists_in_cells(tmp_path):
     np.testing.assert_allclose(table.columns["load"][1:], SOUND["angle"][1:])
 
 
-def test_damaged_bags_are_read_as_what_they_still_say_or_refused(tmp_path):
+def test_damaged_bags_are_read_as_far_as_intact_or_refused(tmp_path):
     path = bag(tmp_path / "bag.mcap", {"/joint_states": states()})
     sound = path.read_bytes()
     rng = np.random.default_rng(0)

@@ -113,8 +113,8 @@ def test_dates_labels_and_missing_values(tmp_path):
 
 
 def test_joints_by_the_names_in_the_messages(tmp_path):
-    said = [{"stamp": r["time"], "name": ["hip", "knee"], "position": [r["angle"], 0.5]} for r in RECORDS]
-    table = read(tmp_path, said)
+    messages = [{"stamp": r["time"], "name": ["hip", "knee"], "position": [r["angle"], 0.5]} for r in RECORDS]
+    table = read(tmp_path, messages)
     assert table.joints == ("hip", "knee")
     np.testing.assert_allclose(table.columns["position:hip"], SOUND["angle"])
     matrix = [[angle, 0.5] for angle in COLUMNS["angle"]]
@@ -144,13 +144,13 @@ REFUSED = {
 
 @pytest.mark.parametrize("kind", REFUSED)
 def test_refused_in_one_sentence(tmp_path, kind):
-    content, says = REFUSED[kind]
-    with pytest.raises(MalformedLog, match=says) as caught:
+    content, message = REFUSED[kind]
+    with pytest.raises(MalformedLog, match=message) as caught:
         read(tmp_path, content)
     check_sentence(str(caught.value))
 
 
-def test_damaged_json_is_read_as_what_it_still_says_or_refused(tmp_path):
+def test_damaged_json_is_read_as_far_as_intact_or_refused(tmp_path):
     rng = np.random.default_rng(0)
     for shape in SHAPES.values():
         sound = json.dumps(shape)

@@ -24,7 +24,7 @@ def coloured_noise(samples: int = 20_000, pole: float = 0.7, seed: int = 0) -> A
     return colour(np.random.default_rng(seed).standard_normal(samples), np.array([pole]))
 
 
-def told_uncertainty(residuals: Array, jacobian: Array) -> Uncertainty:
+def estimated_uncertainty(residuals: Array, jacobian: Array) -> Uncertainty:
     return uncertainty(jacobian.T @ jacobian, coloured_information(jacobian, residuals), float(np.var(residuals)))
 
 
@@ -71,26 +71,26 @@ def test_standard_errors_under_coloured_noise_match_repetitions() -> None:
     jacobian = np.column_stack((np.ones(500), np.sin(time)))
     noises = [coloured_noise(500, seed=seed) for seed in range(300)]
     spread = np.std([np.linalg.lstsq(jacobian, noise, rcond=None)[0] for noise in noises], axis=0)
-    told = [told_uncertainty(noise, jacobian) for noise in noises[:30]]
-    assert np.median([np.sqrt(np.diag(u.covariance)) for u in told], axis=0) == pytest.approx(spread, rel=0.2)
-    assert np.all(np.median([np.sqrt(np.diag(u.white)) for u in told], axis=0) < 0.7 * spread)
+    estimated = [estimated_uncertainty(noise, jacobian) for noise in noises[:30]]
+    assert np.median([np.sqrt(np.diag(u.covariance)) for u in estimated], axis=0) == pytest.approx(spread, rel=0.2)
+    assert np.all(np.median([np.sqrt(np.diag(u.white)) for u in estimated], axis=0) < 0.7 * spread)
 
 
 def test_a_parameter_without_effect_is_undetermined() -> None:
     rng = np.random.default_rng(0)
     jacobian = np.column_stack((rng.standard_normal(300), np.zeros(300), rng.standard_normal(300)))
-    assert told_uncertainty(rng.standard_normal(300), jacobian).undetermined.tolist() == [False, True, False]
+    assert estimated_uncertainty(rng.standard_normal(300), jacobian).undetermined.tolist() == [False, True, False]
     twins = jacobian[:, [0, 2, 2]]
-    assert told_uncertainty(rng.standard_normal(300), twins).undetermined.tolist() == [False, True, True]
+    assert estimated_uncertainty(rng.standard_normal(300), twins).undetermined.tolist() == [False, True, True]
 
 
 def test_an_overflowing_parameter_leaves_the_others_known() -> None:
     """From a real log there was "Eigenvalues did not converge"."""
     rng = np.random.default_rng(0)
     jacobian, residuals = rng.standard_normal((300, 3)), rng.standard_normal(300)
-    sound = told_uncertainty(residuals, jacobian[:, :2])
+    sound = estimated_uncertainty(residuals, jacobian[:, :2])
     with np.errstate(over="ignore", invalid="ignore"):
-        found = told_uncertainty(residuals, jacobian * [1.0, 1.0, 1e200])
+        found = estimated_uncertainty(residuals, jacobian * [1.0, 1.0, 1e200])
     assert found.undetermined.tolist() == [False, False, True]
     assert found.covariance[:2, :2] == pytest.approx(sound.covariance)
     assert np.isfinite(found.null_projection).all()
@@ -225,5 +225,5 @@ def test_nonnegative_coefficients_match_another_solver(marks: list[bool], seed: 
     assert found * size == pytest.approx(theirs, rel=1e-8, abs=1e-8)
 
 
-def test_regressors_that_say_the_same_share_their_coefficient() -> None:
+def test_collinear_regressors_share_their_coefficient() -> None:
     assert bounded_least_squares(np.full((2, 2), 5.0), np.array([15.0, 15.0])) == pytest.approx([1.5, 1.5])

@@ -94,8 +94,6 @@ def test_friction_sticks_at_rest_and_a_dead_zone_passes_nothing() -> None:
         (RIGID, {"sample_time": DT, "angle": np.nan}, "keeps the load"),
     ],
 )
-def test_where_there_is_no_operating_point_it_says_so(
-    model: ServoModel, options: dict[str, float], reason: str
-) -> None:
+def test_a_missing_operating_point_is_reported(model: ServoModel, options: dict[str, float], reason: str) -> None:
     with pytest.raises(BadParameter, match=reason):
         linearise(model, **options)

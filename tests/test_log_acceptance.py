@@ -79,7 +79,7 @@ def test_an_angle_in_counts_is_no_angle_in_radians():
     assert "--unit position=mm/1000" in Log.from_arrays(**linear).faults[0]
 
 
-def test_a_torque_of_zero_is_said_and_tells_nothing():
+def test_a_torque_of_zero_is_reported_and_shows_nothing():
     time = 0.005 * np.arange(600)
     swings = 1e-4 * np.random.default_rng(0).standard_normal(600) + np.sin(3.0 * time) * np.exp(-0.2 * time)
     log = Log.from_arrays(time=time, torque=np.zeros(600), angle=swings)
@@ -128,8 +128,8 @@ def test_a_speed_in_no_unit_may_be_a_viscous_load():
     columns_ = columns()
     log = Log.from_arrays(**columns_ | {"torque": 7.3 * np.gradient(columns_["angle"], columns_["time"])})
     assert log.faults == ()
-    said = "so the load has neither inertia nor dry friction, or a speed was taken for the torque"
-    assert any(said in line for line in log.warnings)
+    sentence = "so the load has neither inertia nor dry friction, or a speed was taken for the torque"
+    assert any(sentence in line for line in log.warnings)
 
 
 def test_the_torque_of_a_viscous_load_is_no_speed():
@@ -141,8 +141,8 @@ def test_the_torque_of_a_viscous_load_is_no_speed():
         speed[k] = torque[k - 1] / 34.0 + (speed[k - 1] - torque[k - 1] / 34.0) * np.exp(-0.02 / 0.02)
     angle = np.cumsum(speed) * 0.02
     assert Log.from_arrays(time=time, torque=torque, angle=angle).faults == ()
-    said = Log.from_arrays(time=time, torque=34.0 * np.gradient(angle, time), angle=angle).warnings
-    assert any("or a speed was taken for the torque" in line for line in said)
+    warnings = Log.from_arrays(time=time, torque=34.0 * np.gradient(angle, time), angle=angle).warnings
+    assert any("or a speed was taken for the torque" in line for line in warnings)
 
 
 def test_a_set_point_of_the_speed_is_known_by_its_unit():
@@ -173,9 +173,9 @@ def test_a_forced_result_is_not_exported(tmp_path):
     log = columns()
     file = write_csv(tmp_path / "log.csv", log | {"torque": -log["torque"]})
     for command in ("identify", "diagnose"):
-        spoken = antidrive(command, file, "--out", tmp_path / command)
-        assert (spoken.code, spoken.out) == (2, "")
-        assert "--scale torque=-1 turns it" in spoken.err
+        result = antidrive(command, file, "--out", tmp_path / command)
+        assert (result.code, result.out) == (2, "")
+        assert "--scale torque=-1 turns it" in result.err
         assert not (tmp_path / command).exists()
     forced = antidrive("identify", file, "--force", "--out", tmp_path / "forced")
     assert forced.code == 0
@@ -189,7 +189,7 @@ def test_a_forced_result_is_not_exported(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("file", "options", "says"),
+    ("file", "options", "message"),
     [
         ("use/03-reversed-sign-named/torque_neg.csv", (), "--scale torque=-1 turns it"),
         ("logs/06-fast-motor-refused/log.csv", (), "--unit angle=deg"),
@@ -198,10 +198,10 @@ def test_a_forced_result_is_not_exported(tmp_path):
         ("logs/14-prbs-lab-kit/log.csv", ("--unit", "angle=deg", "--scale", "torque=-1"), "--scale torque=-1 turns it"),
     ],
 )
-def test_logs_of_other_people_that_stop_at_the_door(tmp_path, file, options, says):
-    spoken = antidrive("identify", case(file), *options, "--out", tmp_path / "out")
-    assert spoken.code == 2
-    assert says in spoken.err
+def test_logs_of_other_people_that_stop_at_the_door(tmp_path, file, options, message):
+    result = antidrive("identify", case(file), *options, "--out", tmp_path / "out")
+    assert result.code == 2
+    assert message in result.err
     assert not (tmp_path / "out").exists()
 
 

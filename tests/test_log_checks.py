@@ -208,7 +208,7 @@ def test_a_reading_that_freezes_in_motion_is_masked():
 # Time
 
 
-def test_small_gaps_are_masked_and_said():
+def test_small_gaps_are_masked_and_reported():
     columns = {name: np.delete(values, np.arange(200, 220)) for name, values in motion().items()}
     log = read(columns)
     run = only_repair(log, r"1 gap in time of up to 105 ms")
@@ -252,7 +252,7 @@ def test_rows_that_stand_twice_are_left_out():
     assert run.valid.all()
 
 
-def test_a_short_run_among_others_is_left_out_and_said():
+def test_a_short_run_among_others_is_left_out_and_reported():
     columns = motion(samples=630)
     columns["run"] = np.repeat([0, 1], [600, 30])
     log = read(columns)
@@ -309,7 +309,7 @@ def test_a_velocity_betrays_a_wrong_unit(column, factor, option):
     assert read(columns, units={column: option.split("=")[1]}).repairs == ()
 
 
-def test_a_velocity_of_another_shaft_is_dropped_and_said():
+def test_a_velocity_of_another_shaft_is_dropped_and_reported():
     columns = motion()
     columns["velocity"] = -99.231 * columns["velocity"]
     log = read(columns)
@@ -334,14 +334,14 @@ def test_encoder_steps_of_degrees_make_a_log_unusable():
     assert fault.endswith("has steps of 360/4096, as an encoder of 4096 steps a turn has in degrees: --unit angle=deg")
 
 
-def test_a_load_that_never_turns_is_said():
+def test_a_load_that_never_turns_is_reported():
     columns = motion()
     del columns["velocity"]
     columns["angle"][:] = 0.3
     assert any("never turns" in fault for fault in read(columns).faults)
 
 
-def test_many_findings_of_one_kind_are_told_once():
+def test_many_findings_of_one_kind_are_reported_once():
     columns = {name: np.tile(values, 10) for name, values in motion().items()}
     columns["run"] = np.repeat(np.arange(10), 600)
     columns["angle"][300::600] += 3.0

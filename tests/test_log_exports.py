@@ -68,7 +68,7 @@ def test_a_time_that_pandas_keeps_as_the_index(tmp_path):
     same(Log.read(tmp_path / "log.parquet"))
 
 
-def test_ends_where_a_channel_is_missing_are_left_out_and_said():
+def test_ends_where_a_channel_is_missing_are_cut_and_reported():
     columns = motion()
     columns["torque"][:3] = np.nan
     columns["angle"][-7:] = np.nan

@@ -74,7 +74,7 @@ def clean():
 
 
 @pytest.mark.parametrize("name", CLEAN)
-def test_nothing_is_said_of_a_clean_log(clean, name):
+def test_nothing_is_reported_of_a_clean_log(clean, name):
     log = Log.from_arrays(**clean(name))
     assert log.repairs == ()
     assert [text for text in log.warnings if "is clipped" not in text] == []
@@ -102,8 +102,8 @@ def test_an_angle_that_answers_before_its_torque(clean, name, late):
     spoilt["torque"] = np.append(np.full(late, spoilt["torque"][0]), spoilt["torque"][:-late])
     log = Log.from_arrays(**spoilt)
     text = only([t for t in log.warnings if "clipped" not in t], "'angle' answers about", "before 'torque' acts")
-    said = int(text.split("about ")[1].split(" samples")[0])
-    assert abs(said - late) <= 2
+    samples = int(text.split("about ")[1].split(" samples")[0])
+    assert abs(samples - late) <= 2
     np.testing.assert_array_equal(log.runs[0].command, spoilt["torque"])  # warned of, not moved
 
 
@@ -179,8 +179,8 @@ def test_a_buffer_that_was_written_twice_is_left_out(clean, name, length):
     for column in ("torque", "angle"):
         spoilt[column][second : second + length] = spoilt[column][first : first + length]
     log = Log.from_arrays(**spoilt)
-    said = f"{length} samples of 'angle' are an exact copy of those from row {first + 1} on"
-    assert any(said in text for text in log.repairs)
+    expected = f"{length} samples of 'angle' are an exact copy of those from row {first + 1} on"
+    assert any(expected in text for text in log.repairs)
     assert [len(run) for run in log.runs] == [second, count - second - length]
 
 
@@ -246,7 +246,7 @@ def test_a_reading_that_drops_out_is_masked(clean, length):
 
 
 @pytest.mark.parametrize(
-    ("column", "factor", "says"),
+    ("column", "factor", "message"),
     [
         ("reference", 180 / np.pi, "--unit reference=deg"),
         ("reference", 1e3, "--unit reference=mrad"),
@@ -258,9 +258,9 @@ def test_a_reading_that_drops_out_is_masked(clean, length):
         ("torque_2", 1e3, "no two gears differ so much"),
     ],
 )
-def test_channels_that_contradict_each_other(clean, column, factor, says):
+def test_channels_that_contradict_each_other(clean, column, factor, message):
     log = channels(clean, **{column: factor})
-    only(log.warnings, says)
+    only(log.warnings, message)
 
 
 def channels(clean, **factors):
@@ -346,8 +346,8 @@ def test_measured_logs_raise_no_false_alarm(name, folder, joint):
         pytest.skip(f"the data set {name} is not on this machine")
     dataset = load_dataset(name, place, joint=joint)
     for log in (dataset.estimation, dataset.holdout):
-        told = [*log.faults, *log.warnings, *log.repairs]
-        assert [text for text in told if "spike" not in text and "true times are used" not in text] == []
+        findings = [*log.faults, *log.warnings, *log.repairs]
+        assert [text for text in findings if "spike" not in text and "true times are used" not in text] == []
 
 
 @pytest.mark.parametrize("late", [10, 40])

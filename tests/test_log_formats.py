@@ -69,7 +69,7 @@ def test_preamble_comments_and_units_line(tmp_path):
     assert "units from the file: 'time' in s, 'torque' in N m" in log.warnings[0]
 
 
-def test_cut_off_last_line_is_left_out_and_said(tmp_path):
+def test_cut_off_last_line_is_left_out_and_reported(tmp_path):
     (tmp_path / "log.csv").write_text(text(SOUND) + "3.0,0.1")
     log = Log.read(tmp_path / "log.csv")
     same(log)
@@ -304,7 +304,7 @@ def test_several_files_keep_run_numbers_apart(tmp_path):
     assert any("numbered anew" in note for note in log.notes)
 
 
-def test_what_is_found_in_any_file_is_told(tmp_path):
+def test_what_is_found_in_any_file_is_reported(tmp_path):
     spoilt = {name: values.copy() for name, values in SOUND.items()}
     spoilt["angle"][300] += 3.0
     paths = [write(tmp_path / "a.csv", SOUND), write(tmp_path / "b.csv", spoilt)]
@@ -334,7 +334,7 @@ def test_logs_of_different_machines_do_not_merge():
         Log.merge([rotary, linear])
 
 
-def test_repr_says_size_rate_and_duration():
+def test_repr_shows_size_rate_and_duration():
     assert repr(Log.from_arrays(**SOUND)) == "Log(1 run, 600 samples, 200 Hz, 3.00 s, rotary)"
 
 

@@ -52,6 +52,6 @@ def test_fit_and_diagnosis_take_them(path, monkeypatch):
     "source", [None, 3, ServoModel.paper(), np.zeros((5, 3)), [], [1.0, 2.0], b"log.csv"], ids=repr
 )
 @pytest.mark.parametrize("task", [fit, diagnose, log_of])
-def test_anything_else_is_told_what_to_pass(task, source):
+def test_anything_else_is_refused_with_what_to_pass(task, source):
     with pytest.raises(BadParameter, match=r"pass a path or several, a DataFrame, arrays by name.*, not an? \w+\.$"):
         task(source)

@@ -21,12 +21,12 @@ def found(teeth: Teeth, seed: int = 0, **sweep: float) -> LostMotion:
 
 
 def test_the_likelihood_is_that_of_a_count() -> None:
-    told = quantised_likelihood(np.array([0.0, 2.0, 9.0]), np.array([0.2, 0.2, -1.0]), count=1.0, noise=0.7)
+    likelihood = quantised_likelihood(np.array([0.0, 2.0, 9.0]), np.array([0.2, 0.2, -1.0]), count=1.0, noise=0.7)
     edges = [(0.3, -0.7), (2.3, 1.3)]
     expected = [np.log(norm.cdf(b / 0.7) - norm.cdf(a / 0.7)) for b, a in edges]
-    assert told.value[:2] == pytest.approx(expected, rel=1e-12)
+    assert likelihood.value[:2] == pytest.approx(expected, rel=1e-12)
     far = norm.logsf(9.5 / 0.7) + np.log(-np.expm1(norm.logsf(10.5 / 0.7) - norm.logsf(9.5 / 0.7)))
-    assert told.value[2] == pytest.approx(far, rel=1e-12)  # nothing is lost far from the mean
+    assert likelihood.value[2] == pytest.approx(far, rel=1e-12)  # nothing is lost far from the mean
     fine = quantised_likelihood(np.array([0.3]), np.array([0.0]), count=1e-4, noise=0.7)
     assert fine.value[0] == pytest.approx(norm.logpdf(0.3, scale=0.7) + np.log(1e-4), abs=1e-8)
 
@@ -36,8 +36,8 @@ def test_its_derivatives_are_those_of_differences() -> None:
     reading, expected, step = rng.integers(-3, 4, 50).astype(float), rng.normal(0, 1.5, 50), 1e-5
 
     def at(m: float, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        told = quantised_likelihood(reading, expected + m, count=1.0, noise=0.6 * np.exp(s))
-        return told.value, told.slope, told.curvature
+        likelihood = quantised_likelihood(reading, expected + m, count=1.0, noise=0.6 * np.exp(s))
+        return likelihood.value, likelihood.slope, likelihood.curvature
 
     for place, way in enumerate([(step, 0.0), (0.0, step)]):
         ahead, behind = at(*way), at(-way[0], -way[1])
@@ -88,11 +88,11 @@ def test_modelled_quantisation_beats_quantisation_as_noise() -> None:
     assert found(quiet, creep=4e-7).drives[0].gap.std < found(as_noise, creep=4e-7).drives[0].gap.std / 3
 
 
-def test_the_motors_alone_tell_the_sum_of_the_gaps() -> None:
-    blind = found(Teeth(noise=1e-4))
-    assert blind.drives[0].gap.std > 0.02 * ARCMIN
-    assert blind.total_gap.value == pytest.approx(2.5 * ARCMIN, rel=2e-3)
-    assert abs(blind.total_gap.value - 2.5 * ARCMIN) < 3 * blind.total_gap.std < 0.03 * ARCMIN
+def test_the_motors_alone_determine_the_total_backlash() -> None:
+    motors_only = found(Teeth(noise=1e-4))
+    assert motors_only.drives[0].gap.std > 0.02 * ARCMIN
+    assert motors_only.total_gap.value == pytest.approx(2.5 * ARCMIN, rel=2e-3)
+    assert abs(motors_only.total_gap.value - 2.5 * ARCMIN) < 3 * motors_only.total_gap.std < 0.03 * ARCMIN
 
 
 def test_standstill_within_a_count_leaves_the_division_open() -> None:
@@ -109,7 +109,7 @@ def test_standstill_within_a_count_leaves_the_division_open() -> None:
     assert still.total_gap.value == pytest.approx(2.5 * ARCMIN, rel=1e-3)
 
 
-def test_gaps_do_not_depend_on_the_scale_of_torque() -> None:
+def test_backlash_does_not_depend_on_the_scale_of_torque() -> None:
     log = swept(Teeth(), 0)
     run = log.runs[0]
     assert run.torques is not None
@@ -119,7 +119,7 @@ def test_gaps_do_not_depend_on_the_scale_of_torque() -> None:
         assert twice.stiffness.value == pytest.approx(2 * once.stiffness.value, rel=1e-6)
 
 
-def test_a_log_that_cannot_tell_is_refused() -> None:
+def test_a_log_that_does_not_determine_it_is_refused() -> None:
     run = swept(Teeth(), 0).runs[0]
     with pytest.raises(MalformedLog, match="angle_1"):
         lost_motion(Log(runs=(replace(run, drive_angles=None),), axis="rotary"), GEARS)

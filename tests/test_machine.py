@@ -271,7 +271,7 @@ def test_a_motor_oscillates_on_its_spring_while_the_load_sticks() -> None:
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_the_motor_crosses_its_gap_alone_and_then_pushes_only(side: float) -> None:
+def test_the_motor_crosses_backlash_alone_and_then_pushes_only(side: float) -> None:
     gap, share, torque = 0.06, 0.3, 0.6
     machine = plain(backlash={"gap": gap, "motor_share": share})
     out = exact(machine, np.full(400, side * torque))
@@ -325,10 +325,10 @@ def test_bristles_bend_in_the_closed_form_of_dahl(v: float) -> None:
     assert 0.75 * speed[ahead] ** 2 == pytest.approx(0.75 * v**2 - work(x[ahead], 0.0), abs=1e-9)
     furthest = brentq(lambda far: 0.75 * v**2 - work(far, 0.0), 0.0, 10.0, xtol=1e-14)
     assert x.max() == pytest.approx(furthest, abs=1e-5)
-    bent = level * (1 - np.exp(-furthest / soft))
+    deflection = level * (1 - np.exp(-furthest / soft))
     back = slice(turn, turn + int(np.argmax(speed[turn:] >= 0.0)))
     assert back.stop - back.start > 20  # it springs back
-    assert 0.75 * speed[back] ** 2 == pytest.approx(-work(furthest - x[back], -bent), abs=1e-9)
+    assert 0.75 * speed[back] ** 2 == pytest.approx(-work(furthest - x[back], -deflection), abs=1e-9)
 
 
 def test_bristles_stay_bent_by_what_a_loop_leaves_over() -> None:
@@ -346,11 +346,11 @@ def test_bristles_stay_bent_by_what_a_loop_leaves_over() -> None:
 def test_a_cable_and_its_rest_angle_keep_the_energy() -> None:
     cable = {"stiffness": 2.0, "cubic": 1.5, "rest_angle": 0.4}
     out = exact(plain(cable_stiffness=cable), np.zeros(1500), velocity=1.5)
-    bend = out.angle[:, 0] - 0.4
-    energy = 0.75 * out.velocity[:, 0] ** 2 + bend**2 + 1.5 * bend**4 / 4
+    deflection = out.angle[:, 0] - 0.4
+    energy = 0.75 * out.velocity[:, 0] ** 2 + deflection**2 + 1.5 * deflection**4 / 4
     assert np.ptp(energy) < 1e-9
-    assert bend.min() < -0.5
-    assert bend.max() > 0.5
+    assert deflection.min() < -0.5
+    assert deflection.max() > 0.5
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -394,7 +394,7 @@ def test_a_payload_hangs_on_the_load_behind_the_drivetrain() -> None:
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0021])
-def test_a_periodic_disturbance_swings_in_time(delay: float) -> None:
+def test_a_periodic_disturbance_is_a_wave_in_time(delay: float) -> None:
     wave = {"amplitude": 0.4, "frequency": 7.0, "phase": 0.6}
     out = exact(plain(periodic_disturbance=wave, input_delay={"time": delay}), np.zeros(800))
     w = 2 * np.pi * 7.0

@@ -121,7 +121,9 @@ def test_rows_stay_in_order_while_the_compiler_works() -> None:
 
 @with_compiler
 def test_what_is_followed_long_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("plant.recursion.PATIENCE", 3 * ROWS * len(example()._tape.first) // example()._tape.written)
+    monkeypatch.setattr(
+        "plant.recursion.ROWS_BEFORE_COMPILING", 3 * ROWS * len(example()._tape.first) // example()._tape.written
+    )
     recursion = example()
     for _ in range(3):
         assert is_right(recursion)
@@ -181,7 +183,7 @@ def test_what_is_called_several_times_is_written_once() -> None:
     assert tape.written == once.n_instructions()
     assert len(long.first) == 3 * len(tape.first)
     assert long.written == once.n_instructions() + thrice.n_instructions()
-    patience = [Recursion(lambda each=each: each, carried=1)._patience for each in (once, thrice)]
+    patience = [Recursion(lambda each=each: each, carried=1)._rows_before_compiling for each in (once, thrice)]
     assert patience[1] < 0.8 * patience[0]  # in which it is followed as long as it takes to compile
 
 
@@ -199,8 +201,8 @@ def test_every_operation_is_that_of_the_virtual_machine() -> None:
     numbers[:6] = [[0.0, -0.0], [-0.0, 0.0], [np.nan, 1.0], [1.0, np.nan], [np.inf, -np.inf], [-1.0, 0.0]]
     x, y = ca.vertsplit(row)
     within, above = x / (1.0 + ca.fabs(x)), ca.fabs(x) + 0.1
-    asked = {"of any number": x, "up to one": within, "above zero": above, "of steps": 3.0 * x}
-    results = [getattr(ca, name)(asked[kind]) for kind, names in OPERATIONS.items() for name in names]
+    expressions = {"of any number": x, "up to one": within, "above zero": above, "of steps": 3.0 * x}
+    results = [getattr(ca, name)(expressions[kind]) for kind, names in OPERATIONS.items() for name in names]
     results += [ca.acosh(1.0 + above), above**y, x**2, x**3, x + y, x - y, x * y, x / y, -x, 1.0 / x, 2.0 * x, x + x]
     results += [x < y, x <= y, x == y, x != y, ca.logic_and(x, y), ca.logic_or(x, y), ca.logic_not(x)]
     results += [ca.fmin(x, y), ca.fmax(x, y), ca.atan2(x, y), ca.hypot(x, y), ca.fmod(x, y), ca.remainder(x, y)]
@@ -222,7 +224,7 @@ def test_an_operation_that_is_not_known_is_compiled() -> None:
     assert shown[-1, 0] == pytest.approx(1.1630871536766743)
 
 
-def test_a_function_that_carries_nothing_is_mapped() -> None:
+def test_a_function_without_state_is_mapped() -> None:
     row = ca.SX.sym("row", 2)
     mapped = Recursion(lambda: ca.Function("mapped", [row], [ca.sumsqr(row)]), carried=0)
     rows = np.random.default_rng(1).normal(size=(ROWS, 2))
@@ -300,7 +302,7 @@ int follow_rows(void) { return 0; }
 
 @with_compiler
 @pytest.mark.parametrize("left", [0, 100, 4096, 0.9, b"not a library", FOREIGN], ids=str)
-def test_a_spoilt_library_is_built_anew(left: float | bytes | str, tmp_path: Path) -> None:
+def test_a_damaged_library_is_built_anew(left: float | bytes | str, tmp_path: Path) -> None:
     first = example()
     assert first.wait()
     (path,) = (tmp_path / "cache").glob("*/*.so")

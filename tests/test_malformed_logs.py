@@ -222,7 +222,7 @@ def test_refused_in_one_sentence(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    ("channels", "says"),
+    ("channels", "message"),
     [
         ({"time": [0.0, 1.0, [2.0, 3.0]]}, "'time' is ragged"),
         ({"time": 0.0}, "has shape ()"),
@@ -234,17 +234,17 @@ def test_refused_in_one_sentence(tmp_path, name):
         ({"angel": SOUND["angle"]}, "no channel 'angel'"),
     ],
 )
-def test_arrays_are_refused_alike(channels, says):
+def test_arrays_are_refused_alike(channels, message):
     with pytest.raises(AntidriveError) as caught:
         Log.from_arrays(**SOUND | channels)
     check_sentence(str(caught.value))
-    assert says in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_missing_files_and_folders(tmp_path):
     (tmp_path / "folder.csv").mkdir()
-    for path, says in ((tmp_path / "gone.csv", "no such file"), (tmp_path / "folder.csv", "cannot be opened")):
-        with pytest.raises(MalformedLog, match=says) as caught:
+    for path, message in ((tmp_path / "gone.csv", "no such file"), (tmp_path / "folder.csv", "cannot be opened")):
+        with pytest.raises(MalformedLog, match=message) as caught:
             Log.read(path)
         check_sentence(str(caught.value))
     with pytest.raises(AntidriveError, match="at least one file"):
@@ -262,16 +262,16 @@ def test_one_bad_file_among_good_ones_is_named(tmp_path):
 @pytest.mark.parametrize(
     "name", ["prose", "cut-mat", "row-too-long", "word-in-a-cell", "no-output", "milliseconds", "degrees-beside-rad/s"]
 )
-def test_the_command_line_says_it_and_writes_nothing(tmp_path, command, name):
+def test_the_command_line_reports_it_and_writes_nothing(tmp_path, command, name):
     path = spoil(tmp_path, name)
     before = listing(tmp_path)
-    spoken = antidrive(command, path, "--out", tmp_path / "out")
-    assert spoken.code == 2
-    assert spoken.out == ""
-    assert spoken.err.startswith("antidrive: ")
-    check_sentence(spoken.err.removeprefix("antidrive: ").strip())
-    assert "Traceback" not in spoken.err
-    assert all(part in spoken.err for part in BAD[name][2])
+    result = antidrive(command, path, "--out", tmp_path / "out")
+    assert result.code == 2
+    assert result.out == ""
+    assert result.err.startswith("antidrive: ")
+    check_sentence(result.err.removeprefix("antidrive: ").strip())
+    assert "Traceback" not in result.err
+    assert all(part in result.err for part in BAD[name][2])
     assert listing(tmp_path) == before
 
 

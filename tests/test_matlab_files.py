@@ -69,7 +69,7 @@ def opaque(name):
 
 
 @pytest.mark.parametrize("beside", [False, True])
-def test_objects_of_a_mat_file_are_told_with_what_to_save(tmp_path, monkeypatch, beside):
+def test_objects_of_a_mat_file_are_reported_with_what_to_save(tmp_path, monkeypatch, beside):
     found = {"None": opaque(b"tau")} | ({name: SOUND[name] for name in ("time", "torque", "angle")} if beside else {})
     savemat(tmp_path / "log.mat", {"x": 1.0})
     monkeypatch.setattr("scipy.io.loadmat", lambda *_, **__: found)

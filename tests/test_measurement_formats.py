@@ -71,26 +71,26 @@ def test_file_units_are_used_unless_the_user_gives_others(tmp_path, write):
     path = write(tmp_path)
     log = Log.read(path)
     same(log)
-    (told,) = log.warnings
-    assert "units from the file" in told
-    assert "'angle' in deg" in told
+    (warning,) = log.warnings
+    assert "units from the file" in warning
+    assert "'angle' in deg" in warning
     same(Log.read(path, units={"torque": "N m"}), SOUND | {"torque": INSIDE["torque"]})
 
 
-def test_a_scale_replaces_amperes_but_never_degrees_silently(tmp_path):
+def test_a_scale_replaces_amperes_but_never_degrees_unreported(tmp_path):
     path = mf4(tmp_path / "log.mf4", INSIDE, units=UNITS | {"torque": "A"})
     same(Log.read(path, scales={"torque": 1e-3}))
     with pytest.raises(MalformedLog, match=r"'A' of column 'torque' cannot .*--scale torque=VALUE") as caught:
         Log.read(path)
     check_sentence(str(caught.value))
-    with pytest.raises(BadParameter, match=r"--unit angle='deg' if .* --unit angle='rad' if") as said:
+    with pytest.raises(BadParameter, match=r"--unit angle='deg' if .* --unit angle='rad' if") as refusal:
         Log.read(path, scales={"torque": 1e-3, "angle": -1.0})
-    check_sentence(str(said.value))
+    check_sentence(str(refusal.value))
     mirrored = Log.read(path, scales={"torque": 1e-3, "angle": -1.0}, units={"angle": "deg"})
     np.testing.assert_allclose(mirrored.runs[0].output, -SOUND["angle"], atol=1e-8)
 
 
-def test_a_velocity_in_an_unknown_unit_is_left_out_and_said(tmp_path):
+def test_a_velocity_in_an_unknown_unit_is_left_out_and_reported(tmp_path):
     log = Log.read(mf4(tmp_path / "log.mf4", SOUND, units={"velocity": "counts/s"}))
     assert log.runs[0].velocity is None
     assert any("'velocity' is left out" in warning for warning in log.warnings)
@@ -120,10 +120,10 @@ def test_channels_are_resampled_on_the_clock_of_the_output(tmp_path, write, mapp
     np.testing.assert_allclose(
         run.command[1:-1], np.interp(SOUND["time"][2:-1], *LATE.values()), atol=5e-3
     )  # TDMS dates to 1 us
-    told = [warning for warning in log.warnings if "own time" in warning]
-    assert len(told) == 1
-    assert "torque' interpolated" in told[0]
-    assert "temperature" not in told[0]
+    warnings = [warning for warning in log.warnings if "own time" in warning]
+    assert len(warnings) == 1
+    assert "torque' interpolated" in warnings[0]
+    assert "temperature" not in warnings[0]
 
 
 def test_what_is_missing_in_one_channel_is_not_bridged(tmp_path):
@@ -153,7 +153,7 @@ def test_a_wrap_in_another_channel_is_not_interpolated(tmp_path):
     np.testing.assert_allclose(shift, np.median(shift), atol=0.15)
 
 
-def test_channels_of_one_name_are_told_apart_by_their_group(tmp_path):
+def test_channels_of_one_name_are_distinguished_by_their_group(tmp_path):
     other = {"time": SOUND["time"], "angle": -SOUND["angle"]}
     for path in (
         mf4(tmp_path / "log.mf4", SOUND, other, names=("group 0", "group 1")),
@@ -164,7 +164,7 @@ def test_channels_of_one_name_are_told_apart_by_their_group(tmp_path):
             Log.read(path)
 
 
-def test_lists_in_mcap_are_columns_and_what_is_not_json_is_said(tmp_path):
+def test_lists_in_mcap_are_columns_and_other_than_json_reported(tmp_path):
     path = mcap(tmp_path / "log.mcap", {"/servo": SOUND}, other=["/camera"])
     log = Log.read(path, mapping=TOPIC | {"angle": "/servo.pair:1"})
     same(log)
@@ -278,7 +278,7 @@ BAD = {
     "mcap of broken json": (lambda p: garbled(p / "log.mcap"), "'/servo' (json, which cannot be decoded)"),
     "mf4 without an angle": (lambda p: mf4(p / "log.mf4", SLOW), "'angle'"),
     "mf4 beyond its record": (lambda p: beyond(mf4(p / "log.mf4", SOUND)), "not a readable .mf4"),
-    "mf4 with a name that is nowhere": (lambda p: nameless(mf4(p / "log.mf4", SOUND)), "not a readable .mf4"),
+    "mf4 with a name that is nowhere": (lambda p: without_names(mf4(p / "log.mf4", SOUND)), "not a readable .mf4"),
     "clock of another channel goes back": (
         lambda p: mf4(p / "log.mf4", LATE | {"time": LATE["time"][::-1]}, REST),
         "the time of channel 'torque' does not increase",
@@ -302,7 +302,7 @@ def channel_block(content):
     return [k for k in range(len(content)) if content[k : k + 4] == b"##CN"][1]
 
 
-def nameless(path):
+def without_names(path):
     """The link to the channel's name leads into the middle of something."""
     content = bytearray(path.read_bytes())
     content[channel_block(content) + 40] = 1
@@ -322,33 +322,33 @@ def beyond(path):
 
 @pytest.mark.parametrize("name", BAD)
 def test_refused_in_one_sentence(tmp_path, name, capfd):
-    write, says = BAD[name]
+    write, message = BAD[name]
     path = write(tmp_path)
     with pytest.raises(MalformedLog) as caught:
         Log.read(path)
     check_sentence(str(caught.value))
     assert str(caught.value).startswith(path.name)
-    assert says in str(caught.value)
+    assert message in str(caught.value)
     assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("module", ["asammdf", "nptdms", "mcap.reader"])
-def test_a_missing_library_says_what_to_install(tmp_path, monkeypatch, module):
+def test_a_missing_library_is_reported_with_what_to_install(tmp_path, monkeypatch, module):
     kind = {"asammdf": "mf4", "nptdms": "tdms", "mcap.reader": "mcap"}[module]
     path = WRITE[kind][0](tmp_path)
     monkeypatch.setitem(sys.modules, module, None)
-    spoken = antidrive("identify", path, "--out", tmp_path / "out")
-    assert spoken.code == 2
-    assert spoken.out == ""
-    assert spoken.err.count("\n") == 1
-    assert "pip install 'antidrive[logs]'" in spoken.err
+    result = antidrive("identify", path, "--out", tmp_path / "out")
+    assert result.code == 2
+    assert result.out == ""
+    assert result.err.count("\n") == 1
+    assert "pip install 'antidrive[logs]'" in result.err
 
 
 def test_through_the_command_line(tmp_path):
     table = columns(duration=8.0)
     path = mf4(tmp_path / "log.mf4", table | {"angle": np.rad2deg(table["angle"])}, units={"angle": "deg"})
-    spoken = antidrive("identify", path, "--out", tmp_path / "out", "--quiet")
-    assert (spoken.code, spoken.err) == (0, "")
+    result = antidrive("identify", path, "--out", tmp_path / "out", "--quiet")
+    assert (result.code, result.err) == (0, "")
     model = json.loads((tmp_path / "out" / "model.json").read_text())
     assert model["parameters"]["inertia"]["value"] == pytest.approx(0.8, rel=0.1)
     assert model["source"][0]["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()

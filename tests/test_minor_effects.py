@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
-from test_evidence import FEW as ASKED
+from test_evidence import FEW as FEW_EFFECTS
 from test_evidence import log_of, with_smooth_torque
 
 from diagnosis import Diagnosis, diagnose
@@ -24,7 +24,7 @@ from diagnosis.verdict import judged
 from identification.fit import fit
 from identification.problem import Problem
 
-FEW = [*ASKED, "cogging", "cable_stiffness", "encoder_eccentricity", "periodic_disturbance", "end_stop"]
+FEW = [*FEW_EFFECTS, "cogging", "cable_stiffness", "encoder_eccentricity", "periodic_disturbance", "end_stop"]
 
 
 @cache
@@ -64,32 +64,32 @@ def explanation_of(
     return cast(Explanation, made)
 
 
-def share_told(explanation: Explanation, name: str) -> float:
+def share_of(explanation: Explanation, name: str) -> float:
     """Probability of an effect of a set that is sure by its evidence."""
     return sum(p for names, p in beside_discrepancy(explanation, 1.0).items() if name in names)
 
 
 def test_what_a_law_may_be_wrong_by_is_no_cause() -> None:
     """No law is exact to a hundredth of itself: what is smaller beside another effect may be that. Alone it is not."""
-    assert share_told(explanation_of({"drift": 1.0, "wave": 1e-3}), "wave") < 0.02
-    assert share_told(explanation_of({"drift": 1.0, "wave": 1e-3}), "drift") > 0.999
-    assert share_told(explanation_of({"drift": 1.0, "wave": 0.1}), "wave") > 0.98
-    assert share_told(explanation_of({"wave": 1e-3}), "wave") > 0.999
+    assert share_of(explanation_of({"drift": 1.0, "wave": 1e-3}), "wave") < 0.02
+    assert share_of(explanation_of({"drift": 1.0, "wave": 1e-3}), "drift") > 0.999
+    assert share_of(explanation_of({"drift": 1.0, "wave": 0.1}), "wave") > 0.98
+    assert share_of(explanation_of({"wave": 1e-3}), "wave") > 0.999
 
 
 def test_what_an_effect_adds_to_its_special_case_may_be_small() -> None:
     """But not below a hundredth of the effect. Whether the discrepancy explains it is asked by the evidence."""
     for more, kept in ((0.05, 25.0 / 26.0), (0.01, 0.5), (0.001, 1.0 / 101.0)):
-        told = explanation_of({"stribeck": 1.0}, 0.1, special={"stribeck": ("coulomb", more)})
+        explanation = explanation_of({"stribeck": 1.0}, 0.1, special={"stribeck": ("coulomb", more)})
         whole = 100.0 / 101.0
-        assert share_told(told, "stribeck") == pytest.approx(whole * kept)
-        assert share_told(told, "coulomb") == pytest.approx(whole * (1.0 - kept))
+        assert share_of(explanation, "stribeck") == pytest.approx(whole * kept)
+        assert share_of(explanation, "coulomb") == pytest.approx(whole * (1.0 - kept))
 
 
 def test_nothing_is_sure_where_the_fit_has_failed() -> None:
     """Where the unmodelled torque is as large as it may be, an effect may be the nearest to what is missing."""
-    assert share_told(explanation_of({"drag": 5.0}, discrepancy=0.1), "drag") > 0.99
-    assert share_told(explanation_of({"drag": 5.0}, discrepancy=0.1, at_its_limit=True), "drag") <= 0.5
+    assert share_of(explanation_of({"drag": 5.0}, discrepancy=0.1), "drag") > 0.99
+    assert share_of(explanation_of({"drag": 5.0}, discrepancy=0.1, at_its_limit=True), "drag") <= 0.5
 
 
 def posterior_of(sets: dict[tuple[str, ...], float], evident: tuple[str, ...] | None = None) -> Posterior:
@@ -111,8 +111,8 @@ def judgement_of(posterior: Posterior) -> tuple[str, ...]:
 @pytest.mark.parametrize(("cogging", "verdict"), [(0.05, "named"), (0.15, "ambiguous"), (0.45, "ambiguous")])
 def test_a_minor_effect_in_doubt_leaves_the_verdict_open(cogging: float, verdict: str) -> None:
     sets = {("coulomb_friction",): 1.0 - cogging, ("coulomb_friction", "cogging"): cogging}
-    told = posterior_of(sets, evident=("coulomb_friction", "cogging"))
-    assert judgement_of(told) == (verdict, "coulomb_friction")
+    posterior = posterior_of(sets, evident=("coulomb_friction", "cogging"))
+    assert judgement_of(posterior) == (verdict, "coulomb_friction")
 
 
 @pytest.mark.parametrize(("other", "verdict"), [(0.2, "named"), (0.45, "named"), (0.55, "ambiguous")])
@@ -126,7 +126,7 @@ def test_named_while_likelier_than_not_nothing_else_is_missing(other: float, ver
     assert judgement_of(posterior_of(sets)) == (verdict, "coulomb_friction")
 
 
-def test_one_of_look_alikes_is_told_beside_a_sure_name() -> None:
+def test_one_of_confounded_effects_is_reported_beside_a_cause() -> None:
     alike = {("coulomb_friction", name): 1.0 / 3.0 for name in ("input_delay", "actuator_lag", "sensor_lag")}
     assert judgement_of(posterior_of(alike)) == ("ambiguous", "coulomb_friction", "input_delay")
 
@@ -161,9 +161,9 @@ def test_a_lone_effect_keeps_its_probability() -> None:
 
 def test_the_sets_are_a_distribution_that_agrees_with_the_causes() -> None:
     for found in (friction_alone(), friction_and_more()):
-        told = found.to_dict()
-        assert told["schema"] == 2
-        probabilities = [each["probability"] for each in told["sets"]]
+        reported = found.to_dict()
+        assert reported["schema"] == 2
+        probabilities = [each["probability"] for each in reported["sets"]]
         assert probabilities == sorted(probabilities, reverse=True)
         assert 0.9 < sum(probabilities) <= 1.0 + 1e-9
         for cause in found.causes:
@@ -171,10 +171,10 @@ def test_the_sets_are_a_distribution_that_agrees_with_the_causes() -> None:
             assert own == pytest.approx(cause.probability, abs=0.02)
 
 
-def test_minor_effects_are_told_as_such() -> None:
+def test_minor_effects_are_reported_as_such() -> None:
     small = Minor(effect="cogging", probability=0.4, share=0.01, rms=0.002)
-    told = str(replace(friction_alone(), minor=(small,)))
-    assert "Minor: cogging (0.002 N m rms), no larger than the unexplained torque" in told
+    reported = str(replace(friction_alone(), minor=(small,)))
+    assert "Minor: cogging (0.002 N m rms), no larger than the unexplained torque" in reported
     assert "Minor" not in str(friction_alone())
 
 
@@ -183,9 +183,9 @@ def test_an_error_of_the_measurement_does_not_see_its_own_noise() -> None:
     fitted = fit(record(Machine(), excitation(4, duration=3.0), seed=4).log())
     problem = Problem.of(fitted.log, fitted.model)
     values, initial = problem.unpack(problem.pack(fitted.model.values, fitted.initial))
-    told = problem.predictor.predict(values, initial, bandwidth=20.0, width=0.0)
+    predictions = problem.predictor.predict(values, initial, bandwidth=20.0, width=0.0)
     scores = np.zeros((sum(map(len, fitted.log.runs)), 1))
-    motion = motion_of(fitted, problem, list(told), 20.0, (scores, scores))
+    motion = motion_of(fitted, problem, list(predictions), 20.0, (scores, scores))
     last = np.append(motion.acceleration[:-1], 1e3)
-    before, after = (Families.along(each).reading for each in (motion, replace(motion, acceleration=last)))
+    before, after = (Families.along(each).measurement for each in (motion, replace(motion, acceleration=last)))
     np.testing.assert_array_equal(before, after)

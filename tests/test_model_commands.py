@@ -11,19 +11,19 @@ from plant import feedforward_code
 
 def test_export_feedforward_writes_the_code(tmp_path):
     model, out = write_model(tmp_path / "model.json", TRUTH), tmp_path / "out"
-    spoken = antidrive("export", model, "--feedforward", "--single", "--out", out)
-    assert spoken.code == 0, spoken.err
+    result = antidrive("export", model, "--feedforward", "--single", "--out", out)
+    assert result.code == 0, result.err
     assert listing(out) == {n: t.encode() for n, t in feedforward_code(TRUTH, single=True).files.items()}
-    assert spoken.out.splitlines()[0] == (
+    assert result.out.splitlines()[0] == (
         "Feedforward [N m] in single precision: inertia, gravity, viscous_friction, dead_zone, coulomb_friction."
     )
-    told = json.loads(antidrive("export", model, "--feedforward", "--out", out, "--json").out)
-    assert told["precision"] == "double"
-    assert sorted(told["files"]) == sorted(listing(out))
+    reported = json.loads(antidrive("export", model, "--feedforward", "--out", out, "--json").out)
+    assert reported["precision"] == "double"
+    assert sorted(reported["files"]) == sorted(listing(out))
 
 
-def test_export_feedforward_says_what_is_wrong(tmp_path):
-    spoken = antidrive("export", tmp_path / "absent.json", "--feedforward", "--out", tmp_path / "out")
-    assert (spoken.code, spoken.err.count("\n")) == (2, 1)
-    assert "cannot be read" in spoken.err
+def test_export_feedforward_reports_what_is_wrong(tmp_path):
+    result = antidrive("export", tmp_path / "absent.json", "--feedforward", "--out", tmp_path / "out")
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    assert "cannot be read" in result.err
     assert listing(tmp_path) == {}

@@ -18,7 +18,7 @@ STD = {name: 1e-4 for name in TRUTH.names}
 WORN = replace(TRUTH, viscous_friction=0.6).with_effect(Cogging(amplitude=0.15, order=8.0, phase=0.3))
 
 
-def test_wear_and_a_new_effect_are_told_apart():
+def test_wear_and_a_new_effect_are_distinguished():
     log = columns(WORN, seed=2, duration=DURATION)
     found = ad.compare(ModelFile(model=TRUTH, std=STD), log, candidates=["cogging"])
     assert found.new == ("cogging",)
@@ -33,7 +33,7 @@ def test_wear_and_a_new_effect_are_told_apart():
     assert lines[1] == "New: cogging, probability above 0.99"
 
 
-def test_what_is_not_sure_is_not_told_as_new():
+def test_what_is_not_certain_is_not_reported_as_new():
     """Where another effect does the same in this log, neither is new for sure: the machine is not stopped for it."""
     late = TRUTH.with_effect(InputDelay(time=0.004))
     log = columns(late, seed=2, duration=DURATION)
@@ -48,20 +48,20 @@ def test_what_is_not_sure_is_not_told_as_new():
     assert found.to_dict()["possible"] == unsure
 
 
-def test_the_command_says_that_nothing_changed(tmp_path):
+def test_the_command_reports_that_nothing_changed(tmp_path):
     model, out = tmp_path / "model.json", tmp_path / "out"
     ModelFile(model=TRUTH, std=STD).write(model)
     log = write_csv(tmp_path / "log.csv", columns(TRUTH, seed=3, duration=DURATION))
-    spoken = antidrive("compare", model, log, "--candidates", "cogging", "--out", out)
-    assert spoken.code == 0, spoken.err
-    assert spoken.out.splitlines()[:2] == ["No parameter has changed beyond its error.", "No effect is new."]
+    result = antidrive("compare", model, log, "--candidates", "cogging", "--out", out)
+    assert result.code == 0, result.err
+    assert result.out.splitlines()[:2] == ["No parameter has changed beyond its error.", "No effect is new."]
     assert sorted(listing(out)) == ["comparison.csv", "comparison.json", "model.json", "report.html"]
     content = json.loads((out / "comparison.json").read_text())
     assert [entry["name"] for entry in content["changes"]] == list(TRUTH.names)
     assert not any(entry["moved"] for entry in content["changes"])
 
 
-def test_a_change_is_told_in_a_line():
+def test_a_change_is_reported_in_a_line():
     known = {"name": "inertia", "unit": "kg m^2", "before": 0.5, "before_std": 0.01, "moved": False}
     assert str(Change(**known, after=0.55, after_std=0.01)) == (
         "inertia: 0.5 +- 0.01 -> 0.55 +- 0.01 kg m^2 (+10 %, 3.5 standard errors)"
@@ -72,11 +72,11 @@ def test_a_change_is_told_in_a_line():
     )
 
 
-def test_the_command_says_what_is_wrong(tmp_path):
+def test_the_command_reports_what_is_wrong(tmp_path):
     model = write_model(tmp_path / "model.json", TRUTH)
     for words in ((tmp_path / "absent.json", "log.csv"), (model, tmp_path / "absent.csv")):
-        spoken = antidrive("compare", *words, "--out", tmp_path / "out")
-        assert (spoken.code, spoken.err.count("\n")) == (2, 1)
+        result = antidrive("compare", *words, "--out", tmp_path / "out")
+        assert (result.code, result.err.count("\n")) == (2, 1)
         assert not (tmp_path / "out").exists()
 
 

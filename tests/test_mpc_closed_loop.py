@@ -35,7 +35,7 @@ def run(model: ServoModel, rig: Rig = RIG, duration: float = 3.0, min_torque: fl
     return closed_loop(four_hertz(model, PAPER, min_torque=min_torque), rig, swing, duration, seed=0)
 
 
-def test_it_tracks_and_the_teeth_stay_together() -> None:
+def test_it_tracks_and_keeps_the_contact() -> None:
     result = run(RIGID)
     assert result.tracking_rms < 3 * COUNT
     assert result.degraded == 0

@@ -110,8 +110,8 @@ def test_the_machine_code_is_plain_c99(model: str, tmp_path: Path) -> None:
     assert "malloc" not in code
     (tmp_path / "step.c").write_text(code)
     strict = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "-c", "step.c")
-    said = subprocess.run([*(machine_code.compiler() or ()), *strict], cwd=tmp_path, capture_output=True, text=True)
-    assert said.returncode == 0, said.stderr
+    result = subprocess.run([*(machine_code.compiler() or ()), *strict], cwd=tmp_path, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
 
 
 @with_compiler

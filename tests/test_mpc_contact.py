@@ -56,8 +56,8 @@ def test_least_flank_torque_covers_the_motors_friction(acceleration: float) -> N
     friction = 1.25 * LEAST / GEARS.pre_reduction
     rig = replace(RIG, motor_coulomb=friction)
     unknown, known = (
-        closed_loop(BY_FLANK(motor_friction=told), rig, swing(acceleration, 2.0), 2.0, seed=0)
-        for told in (0.0, friction)
+        closed_loop(BY_FLANK(motor_friction=motor_friction), rig, swing(acceleration, 2.0), 2.0, seed=0)
+        for motor_friction in (0.0, friction)
     )
     assert np.mean(np.min(unknown.flank_torques, axis=1) <= 0.0) > 0.1
     assert known.least_flank_torque > 0.3 * LEAST * MESH

@@ -174,7 +174,7 @@ def test_the_preload_is_the_least_that_the_bounds_allow() -> None:
     assert control.margin == pytest.approx(0.0, abs=1e-12)
 
 
-def test_the_preload_carries_heavy_rotors() -> None:
+def test_the_preload_accelerates_heavy_rotors() -> None:
     rotor = 2e-5
     # a load that falls with increasing acceleration: drive 1 only keeps contact, and its rotor must accelerate too
     controller = four_hertz(replace(RIGID, gravity=2.0), PAPER, horizon=10, rotor_inertia=rotor)
@@ -293,7 +293,7 @@ def test_a_number_means_that_the_reference_goes_on() -> None:
 @pytest.mark.parametrize(
     ("effect", "seconds"), [(InputDelay(time=0.012), 0.010), (ActuatorLag(time_constant=0.02), 0.0)]
 )
-def test_states_and_delays_of_effects_are_carried(effect: InputDelay | ActuatorLag, seconds: float) -> None:
+def test_states_and_delays_of_effects_are_kept(effect: InputDelay | ActuatorLag, seconds: float) -> None:
     controller = four_hertz(RIGID.with_effect(effect), PAPER)
     assert controller._whole_delay * 0.005 == pytest.approx(seconds)
     for _ in range(5):
@@ -302,7 +302,7 @@ def test_states_and_delays_of_effects_are_carried(effect: InputDelay | ActuatorL
     assert control.status == "optimal"
 
 
-def test_a_gap_that_the_preload_closes_is_left_out() -> None:
+def test_backlash_that_the_preload_closes_is_left_out() -> None:
     with_gap, without = (
         four_hertz(model, PAPER) for model in (RIGID.with_effect(Backlash(gap=0.02, motor_share=0.3)), RIGID)
     )

@@ -42,10 +42,10 @@ def error(loop: ClosedLoopResult) -> float:
 def test_known_friction_improves_tracking_on_a_light_axis(rig: Rig, factor: float) -> None:
     friction = FRICTION[rig]
     values = [getattr(friction, spec.name) for spec in friction.parameters()]
-    told = friction.bound([factor * value for value in values[:2]] + values[2:])
+    modelled = friction.bound([factor * value for value in values[:2]] + values[2:])
     known, unknown = (
         [closed_loop(controller(*effects), rig, swing, 3.0, seed=seed) for seed in range(5)]
-        for effects in ((told,), ())
+        for effects in ((modelled,), ())
     )
     errors = np.array([[error(loop) for loop in loops] for loops in (known, unknown)])  # a stuck load is an outlier
     assert np.median(errors[0]) < 0.55 * np.median(errors[1])
@@ -61,12 +61,14 @@ def test_known_friction_prevents_stick_slip_at_low_speed() -> None:
     assert error(known) < 1.05 * error(unknown)
 
 
-@pytest.mark.parametrize("told", [0.18, 0.33])
-def test_friction_scale_is_learned_only_while_sliding(told: float) -> None:
-    c = controller(CoulombFriction(torque=told), friction_std=0.3)
+@pytest.mark.parametrize("modelled", [0.18, 0.33])
+def test_friction_scale_is_learned_only_while_sliding(modelled: float) -> None:
+    c = controller(CoulombFriction(torque=modelled), friction_std=0.3)
     closed_loop(c, LIGHT, lambda t: swing(np.minimum(t, 4.0)), 4.0, seed=0)
     learnt = c._arrays["learnt"].copy()
-    assert learnt[2] * told == pytest.approx(0.25, abs=0.03)  # the friction of the load; that of the motors is extra
+    assert learnt[2] * modelled == pytest.approx(
+        0.25, abs=0.03
+    )  # the friction of the load; that of the motors is extra
     for _ in range(200):
         c.step(0.0, 0.0)
     assert c._arrays["learnt"][1:3] == pytest.approx(learnt[1:3], abs=1e-3)
@@ -95,7 +97,7 @@ def test_at_rest_friction_does_nothing() -> None:
         assert np.max(np.abs(loop.angle[-500:] - loop.reference[-500:])) < 1.5 * 2 * np.pi / 2**17
 
 
-def test_friction_changes_no_faster_than_the_teeth_bear() -> None:
+def test_friction_changes_no_faster_than_the_contact_bears() -> None:
     c = controller(CoulombFriction(torque=0.8))
     rubs = []
     for k in range(300):

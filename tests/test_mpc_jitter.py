@@ -22,7 +22,7 @@ def wanted(time: np.ndarray) -> np.ndarray:
 
 
 def loop(
-    *, jitter: float = 0.0, missed: float = 0.0, told: bool = True, number: bool = False, samples: int = 700
+    *, jitter: float = 0.0, missed: float = 0.0, elapsed_given: bool = True, number: bool = False, samples: int = 700
 ) -> tuple[float, int, float]:
     """Greatest error after the start [rad], number of degraded samples, minimum contact torque [N m]."""
     controller, rng = Controller(RIGID, PAPER), np.random.default_rng(0)
@@ -31,7 +31,7 @@ def loop(
     errors, flanks, degraded = [], [], 0
     for _ in range(samples):
         reference = float(wanted(np.array(time))) if number else wanted(time + dt * ahead)
-        control = controller.step(RIG.measure(state, rng), reference, elapsed=elapsed if told else None)
+        control = controller.step(RIG.measure(state, rng), reference, elapsed=elapsed if elapsed_given else None)
         elapsed = dt * (1 + jitter * (2 * rng.random() - 1)) * (2 if rng.random() < missed else 1)
         state, time = RIG.advance(state, control.torques, elapsed), time + elapsed
         errors.append(state.angle - float(wanted(np.array(time))))
@@ -41,9 +41,9 @@ def loop(
 
 
 @pytest.mark.parametrize("faults", [{"jitter": 0.3}, {"missed": 0.05}, {"jitter": 0.3, "missed": 0.05}], ids=str)
-def test_the_teeth_stay_together_in_a_loop_that_jitters(faults: dict[str, float]) -> None:
+def test_the_contact_is_kept_in_a_loop_that_jitters(faults: dict[str, float]) -> None:
     error, degraded, flank = loop(**faults)
-    without = loop(**faults, told=False)
+    without = loop(**faults, elapsed_given=False)
     print(f"{faults}: {error:.1e} rad, {degraded} degraded, least flank {flank:.3f} N m; not told: {without}")
     assert degraded == 0
     assert flank > 0.05

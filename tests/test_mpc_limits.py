@@ -96,7 +96,7 @@ def test_a_big_step_keeps_the_speed_limit(sense: float) -> None:
     assert np.max(np.abs(follow(four_hertz(RIGID, PAPER), jump)[0][:, 1])) > 0.5
 
 
-def test_from_beyond_the_limit_it_returns_smoothly_and_says_so() -> None:
+def test_from_beyond_the_limit_it_returns_smoothly_and_reports() -> None:
     controller = four_hertz(RIGID, PAPER, angle_limits=(-1.0, 0.3))
     states, controls = follow(controller, lambda time: np.full(time.size, 0.2), start=(0.5, 0.0))
     back = int(np.argmax(states[:, 0] < 0.3))
@@ -157,7 +157,7 @@ def test_both_forms_go_the_same_way(effect: Effect, limits: dict[str, object]) -
     assert active > 0
 
 
-def test_on_the_rig_the_limit_holds_and_the_teeth_stay_together() -> None:
+def test_on_the_rig_the_limit_holds_and_the_contact_is_kept() -> None:
     controller = four_hertz(RIGID, PAPER, angle_limits=(-0.2, 0.2), min_torque=0.03)
     loop = closed_loop(controller, Rig.paper_like(), lambda t: 0.3 * np.sin(2 * np.pi * 0.3 * t), 3.5, seed=0)
     assert np.max(np.abs(loop.angle)) < 0.2 + 5 * SIGMA

@@ -57,7 +57,7 @@ def shown(angle: Array) -> Array:
     return counted(-RATIOS * (angle[:, None] + [0.3, -0.7]), STEP)
 
 
-def test_they_tell_the_speed_that_a_coarse_encoder_hides() -> None:
+def test_they_show_the_speed_that_a_coarse_encoder_hides() -> None:
     commands, truth = motion()
     angle = counted(truth[:-1, 0], COARSE)
     with_motors = follow(estimator(), commands, angle, shown(truth[:-1, 0]))
@@ -78,8 +78,8 @@ def test_the_load_is_not_lost_when_its_encoder_fails() -> None:
     angle[350:] = np.nan  # before the disturbance torque starts
     found = follow(estimator(), commands, angle, shown(truth[:-1, 0]))
     assert found[:, 0] == pytest.approx(truth[:800, 0], abs=1e-3)
-    blind = follow(estimator(motors=None), commands, angle, shown(truth[:-1, 0]))
-    assert np.max(np.abs(blind[:, 0] - truth[:800, 0])) > 0.1
+    without_motors = follow(estimator(motors=None), commands, angle, shown(truth[:-1, 0]))
+    assert np.max(np.abs(without_motors[:, 0] - truth[:800, 0])) > 0.1
 
 
 @pytest.mark.parametrize("fault", ["missing", "jumps"])

@@ -89,9 +89,10 @@ def test_a_number_goes_on_at_its_speed_unless_it_jumps(compiled: bool) -> None:
 @pytest.mark.parametrize("compiled", FORMS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e300, 1e5])
 @pytest.mark.parametrize(
-    "name", ["plan", "path", "told", "load", "bounds", "kalman", "preload", "learnt", "rubs", "past", "astray"]
+    "name",
+    ["plan", "path", "history", "load", "bounds", "kalman", "preload", "learnt", "rubs", "past", "following_error"],
 )
-def test_a_spoilt_memory_heals(name: str, value: float, compiled: bool) -> None:
+def test_a_damaged_memory_recovers(name: str, value: float, compiled: bool) -> None:
     controller = of_form(compiled, preload_rate=1.0)
     for _ in range(3):
         controller.step(0.1, np.full(31, 0.1))

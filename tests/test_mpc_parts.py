@@ -148,9 +148,9 @@ def test_one_outlier_is_ignored_and_a_lasting_change_is_followed() -> None:
     assert filter_.state is not None
     assert filter_.state[0] == pytest.approx(0.1, abs=1e-3)
     assert filter_.advance(0.1, 0.0, 0.0) == ""
-    said = [filter_.advance(1.1, 0.0, 0.0) for _ in range(4)]
-    assert "restarted" in said[2]
-    assert said[3] == ""
+    estimates = [filter_.advance(1.1, 0.0, 0.0) for _ in range(4)]
+    assert "restarted" in estimates[2]
+    assert estimates[3] == ""
     assert filter_.state[0] == pytest.approx(1.1, abs=1e-3)
 
 
@@ -273,9 +273,9 @@ def test_from_beyond_a_limit_the_reference_comes_back_to_it() -> None:
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.integers(0, 30))
-def test_a_prolonged_path_keeps_its_acceleration(level: float, speed: float, bend: float, count: int) -> None:
+def test_a_prolonged_path_keeps_its_acceleration(level: float, speed: float, acceleration: float, count: int) -> None:
     k = np.arange(5 + count)
-    parabola = level + speed * k + bend * k**2
+    parabola = level + speed * k + acceleration * k**2
     path = np.array(prolonged(ca.DM(parabola[:5]), count))[:, 0]
     assert path == pytest.approx(parabola, abs=1e-10 * (1 + count**2))
 

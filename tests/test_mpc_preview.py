@@ -34,15 +34,15 @@ def advanced(state: Array, torque: float) -> Array:
 def run(controller: Controller, *, ahead: bool, stuck: bool = False) -> tuple[Array, list[str]]:
     """Errors and statuses of a load that equals the model, or is jammed."""
     N, reference = controller.horizon, wanted(700)
-    state, errors, said = np.array([0.0, 0.3]), [], []
+    state, errors, statuses = np.array([0.0, 0.3]), [], []
     noise = 1e-5 * np.random.default_rng(0).standard_normal(600)
     for k in range(600):
         shown = state[0] + noise[k] * stuck  # a value constant to the last bit would be an encoder fault
         control = controller.step(shown, reference[k : k + N + 1] if ahead else reference[k])
         errors.append(state[0] - reference[k])
-        said.append(control.status)
+        statuses.append(control.status)
         state = state if stuck else advanced(state, float(PAPER.follower_torque(control.torques)))
-    return np.array(errors), said
+    return np.array(errors), statuses
 
 
 def plain(controller: Controller) -> Array:
@@ -90,12 +90,12 @@ def test_a_set_point_that_comes_unannounced_is_governed() -> None:
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_a_load_that_does_not_follow_is_told(compiled: bool) -> None:
+def test_a_load_that_does_not_follow_is_reported(compiled: bool) -> None:
     controller = STRONG()
     if not compiled:
         controller._step = controller._interpreted
-    said = run(controller, ahead=True, stuck=True)[1]
+    statuses = run(controller, ahead=True, stuck=True)[1]
     late = round(1.0 / controller.bandwidth / DT)
     begun = round(0.05 / DT)  # until then the governed reference, with limited jerk, is still near the load
-    assert set(said[begun + 2 * late :]) == {"degraded: the load does not follow the reference"}
+    assert set(statuses[begun + 2 * late :]) == {"degraded: the load does not follow the reference"}
     assert set(run(STRONG(), ahead=True)[1][200:]) == {"optimal"}

@@ -114,7 +114,7 @@ def test_bounds_that_cross_leave_no_solution(compiled: bool) -> None:
     assert solver(2, 7).solve(stages, compiled=compiled)[1] == np.inf
 
 
-def test_the_residual_tells_optimal_from_not() -> None:
+def test_the_residual_distinguishes_optimal_from_not() -> None:
     both, stages = solver(2, 7), random_stages(np.random.default_rng(5), 2, 7, 1.0)
     e, residual = both.solve(stages)
     assert residual < 1e-12

@@ -69,7 +69,7 @@ def noticed(statuses: list[str]) -> int:
 
 
 @pytest.mark.parametrize("reference", [sine, slow])
-def test_motors_tell_that_the_encoder_of_the_load_stands(reference: Callable[[Array], Array]) -> None:
+def test_motors_show_that_the_encoder_of_the_load_is_frozen(reference: Callable[[Array], Array]) -> None:
     errors, statuses, torques = loop(reference, load=True, fitted=True)
     print(f"noticed after {noticed(statuses)} samples, {np.max(np.abs(errors[FROZEN:])):.1e} rad")
     assert noticed(statuses) <= 10

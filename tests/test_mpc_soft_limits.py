@@ -128,17 +128,17 @@ def test_whatever_is_remembered_the_answer_is_the_same(seed: int, hardness: floa
 
 def test_the_active_set_follows_a_limit_that_moves() -> None:
     """Each step is warm-started with the last active set, so the interior point method is rarely used."""
-    asked = []
+    requested = []
     controller = Controller(ServoModel.paper(), GearTrain.paper(), horizon=30, angle_limits=(-0.2, 0.2))
     interpreted = controller._interpreted
     controller._step = interpreted
     inside = mpc.quadratic_program.solve_from_inside
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(mpc.quadratic_program, "solve_from_inside", lambda p: (asked.append(1), inside(p)))
+        patched.setattr(mpc.quadratic_program, "solve_from_inside", lambda p: (requested.append(1), inside(p)))
         loop = closed_loop(controller, Rig.paper_like(), lambda t: 0.3 * (t > 0.1), 1.5, seed=0)
     assert loop.degraded == 0
     assert np.max(loop.angle) == pytest.approx(0.2, abs=1e-3)
-    assert len(asked) <= 3
+    assert len(requested) <= 3
 
 
 def test_a_force_that_is_wrong_is_not_certified() -> None:

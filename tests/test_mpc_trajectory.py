@@ -62,7 +62,7 @@ def test_least_time_under_a_speed_limit_is_a_trapezoid(limit: float) -> None:
     assert move.duration == pytest.approx(expected, rel=2e-3)
 
 
-def test_least_heat_keeps_a_speed_limit_and_pays_for_it() -> None:
+def test_least_copper_loss_keeps_a_speed_limit_and_pays_for_it() -> None:
     free, held = (minimum_heat(ServoModel(), BOUNDS, 0.0, 0.6, 3.0, speed_limit=v) for v in (np.inf, 0.25))
     assert np.max(free.speed) > 0.28
     assert np.max(held.speed) == pytest.approx(0.25, rel=1e-4)
@@ -80,7 +80,7 @@ def test_with_friction_acceleration_takes_longer_than_braking() -> None:
     assert move.duration >= np.sqrt(2 * (1 / up + 1 / down)) * (1 - 1e-6)
 
 
-def test_least_heat_of_a_double_integrator_is_the_known_one() -> None:
+def test_least_copper_loss_of_a_double_integrator_is_known() -> None:
     # With u the torque of the driving pinion minus that of the holding one, seen from the pinion, the heat is
     # m^2 + (m + |u|)^2. The costate p is a line through zero half-way, and u = sign(p) max(|p| - m, 0).
     T, goal = 3.0, 1.0
@@ -161,14 +161,14 @@ def test_feed_forward_leaves_lags_and_sensor_errors_out() -> None:
         assert other.duration == pytest.approx(plain.duration, rel=1e-9)
 
 
-def test_too_short_a_time_is_said() -> None:
+def test_too_short_a_time_is_reported() -> None:
     move = minimum_heat(PURE, BOUNDS, 0.0, 1.0, 1.0, intervals=20)
     assert move.status.startswith("failed: Infeasible")
     assert abs(move.miss[0]) > 0.1
     assert np.all(BOUNDS.structure.signs * move.torques >= LEAST)
 
 
-def test_the_rig_follows_a_move_with_its_teeth_together() -> None:
+def test_the_rig_follows_a_move_without_loss_of_contact() -> None:
     rig = Rig.paper_like()
     model = ServoModel(inertia=rig.total_inertia, gravity=0.5, viscous_friction=0.8)
     spare = Bounds(gears=PAPER, min_torque=LEAST, max_torque=0.25, rotor_inertia=rig.rotor_inertia)

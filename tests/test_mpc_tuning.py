@@ -92,10 +92,10 @@ def test_a_light_axis_read_late_keeps_contact_while_it_sticks() -> None:
 
 
 def test_a_bandwidth_that_is_wanted_brings_the_rest() -> None:
-    told = Controller(ServoModel(), PAPER, bandwidth=1.5)
+    given = Controller(ServoModel(), PAPER, bandwidth=1.5)
     chosen = Tuning.of(ServoModel(), sample_time=0.005, noise=1e-5, least=0.1, greatest=2.0, bandwidth=1.5)
-    assert (told.bandwidth, told.horizon) == (1.5, chosen.horizon) == (1.5, 34)
-    assert analyse_loop(told).peak_sensitivity < 2.0
+    assert (given.bandwidth, given.horizon) == (1.5, chosen.horizon) == (1.5, 34)
+    assert analyse_loop(given).peak_sensitivity < 2.0
     assert Controller(ServoModel(), PAPER, horizon=12, disturbance_rate=0.0).disturbance_rate == 0.0
 
 
@@ -112,7 +112,7 @@ def test_a_better_encoder_and_more_preload_make_it_faster() -> None:
     assert late < plain < pressed < sharp
 
 
-def test_the_teeth_of_the_paper_stay_together() -> None:
+def test_the_contact_of_the_paper_is_kept() -> None:
     rig = Rig.paper_like()
     model = ServoModel(inertia=rig.total_inertia, gravity=0.5, viscous_friction=0.8)
     loop = closed_loop(Controller(model, PAPER), rig, lambda t: 0.2 * (1 - np.cos(2 * np.pi * 0.25 * t)), 2.0, seed=0)
@@ -120,7 +120,7 @@ def test_the_teeth_of_the_paper_stay_together() -> None:
     assert loop.degraded == 0
 
 
-def test_a_bandwidth_above_the_default_keeps_the_teeth_together() -> None:
+def test_a_bandwidth_above_the_default_keeps_the_contact() -> None:
     rig = Rig.paper_like()
     model = ServoModel(inertia=rig.total_inertia, gravity=0.5, viscous_friction=0.8)
     for bandwidth in (4.0, 5.0):

@@ -38,13 +38,13 @@ def fitted(fit: Fit) -> Effect:
     return effect
 
 
-def in_turn(monkeypatch: pytest.MonkeyPatch, *told: np.ndarray | None) -> None:
-    waiting = iter(told)
+def in_turn(monkeypatch: pytest.MonkeyPatch, *results: np.ndarray | None) -> None:
+    waiting = iter(results)
     monkeypatch.setattr(multimodal_likelihood, "_alone", lambda rest, effect, part: next(waiting))
 
 
 @pytest.mark.long
-def test_gap_scatter_over_parts_exceeds_the_width_of_a_peak(found: Fit) -> None:
+def test_backlash_scatter_over_parts_exceeds_the_peak_width(found: Fit) -> None:
     honest = with_scatter(found)
     for name in ("backlash.gap", "backlash.motor_share"):
         before, now = found[name], honest[name]
@@ -62,25 +62,25 @@ def test_gap_scatter_over_parts_exceeds_the_width_of_a_peak(found: Fit) -> None:
 @pytest.mark.long
 def test_parts_of_the_log_use_the_flanks_of_the_whole(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
     """A part that settled for other flanks told another gap by chance, and the gap of the whole was sure to nothing."""
-    asked: list[Backlash] = []
-    monkeypatch.setattr(Backlash, "freer", lambda self: asked.append(self) or ())
+    requested: list[Backlash] = []
+    monkeypatch.setattr(Backlash, "freer", lambda self: requested.append(self) or ())
     assert scatter_over_parts(found, fitted(found))
-    assert asked == []
+    assert requested == []
 
 
-def test_gap_error_is_scatter_over_parts_or_the_peak_width(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_backlash_error_is_scatter_over_parts_or_peak_width(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
     parts = [np.array([0.02, 0.6]), np.array([0.03, 0.6]), None, np.array([0.01, 0.6]), np.array([0.02, 0.6])]
     in_turn(monkeypatch, *parts)
-    told = scatter_over_parts(found, fitted(found))
-    assert told["backlash.gap"] == pytest.approx(np.std([0.02, 0.03, 0.01, 0.02], ddof=1))
-    assert told["backlash.motor_share"] == pytest.approx(0.0, abs=1e-12)
+    scatter = scatter_over_parts(found, fitted(found))
+    assert scatter["backlash.gap"] == pytest.approx(np.std([0.02, 0.03, 0.01, 0.02], ddof=1))
+    assert scatter["backlash.motor_share"] == pytest.approx(0.0, abs=1e-12)
     in_turn(monkeypatch, *parts)
     honest = with_scatter(found)
-    assert honest["backlash.gap"].std == pytest.approx(told["backlash.gap"])
+    assert honest["backlash.gap"].std == pytest.approx(scatter["backlash.gap"])
     assert honest["backlash.motor_share"].std == found["backlash.motor_share"].std
 
 
-def test_two_parts_say_nothing(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_parts_give_no_estimate(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
     in_turn(monkeypatch, None, None, None, np.array([0.01, 0.5]), np.array([0.03, 0.7]))
     assert scatter_over_parts(found, fitted(found)) == {}
 
@@ -90,7 +90,7 @@ def test_a_log_too_short_to_cut_leaves_the_fit_as_it_is(found: Fit) -> None:
     assert scatter_over_parts(replace(found, log=short), fitted(found)) == {}
 
 
-def test_a_part_that_cannot_tell_is_left_out(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_that_does_not_determine_it_is_left_out(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
     def cannot(*_: object, **__: object) -> None:
         raise Unidentifiable("nothing moves")
 
@@ -98,7 +98,7 @@ def test_a_part_that_cannot_tell_is_left_out(found: Fit, monkeypatch: pytest.Mon
     assert scatter_over_parts(found, fitted(found)) == {}
 
 
-def test_a_model_that_is_not_chaotic_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_that_is_not_chaotic_is_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = fit(record(Machine(), excitation(1, duration=6.0)).log(), ServoModel.paper())
     in_turn(monkeypatch)  # which would raise
     assert with_scatter(plain).parameters == plain.parameters
@@ -109,11 +109,11 @@ def test_without_smoothing_the_peak_gives_the_standard_error(found: Fit, monkeyp
     predict = Predictor.predict
 
     def overflowing(self: Predictor, *args: Any, bandwidth: float, **others: Any) -> list[Prediction]:
-        told = predict(self, *args, bandwidth=bandwidth, **others)
+        predictions = predict(self, *args, bandwidth=bandwidth, **others)
         return (
-            [replace(one, jacobian=one.jacobian * 1e200) for one in told]
+            [replace(one, jacobian=one.jacobian * 1e200) for one in predictions]
             if bandwidth == pytest.approx(FADING / 0.005)
-            else told
+            else predictions
         )
 
     problem = Problem.of(found.log, found.model)

@@ -38,10 +38,10 @@ def played(path: Path) -> Played:
     if path.stem.startswith("06") and shutil.which("cc") is None:
         pytest.skip("no C compiler on this machine")
     with shell() as made:
-        told = [outputs(made, "".join(cell["source"])) for cell in cells(path) if cell["cell_type"] == "code"]
+        saved = [outputs(made, "".join(cell["source"])) for cell in cells(path) if cell["cell_type"] == "code"]
         sliders = made.user_ns.get("sliders", {})
         moved = {name: outputs(made, f"sliders[{name!r}].value = sliders[{name!r}].max") for name in sliders}
-        return Played(told, moved, made.user_ns.get("seconds", []))
+        return Played(saved, moved, made.user_ns.get("seconds", []))
 
 
 def text(output: Output) -> str:
@@ -71,9 +71,9 @@ def is_as_saved(found: str, saved: str) -> bool:
     )
 
 
-def untold(prose: str, told: str) -> list[str]:
+def missing_numbers(prose: str, outputs_text: str) -> list[str]:
     """Numbers of a prose that no number of what is told is, to the digits written."""
-    known = [float(number) for number in NUMBER.findall(told)]
+    known = [float(number) for number in NUMBER.findall(outputs_text)]
     return [
         number
         for number in NUMBER.findall(NO_FINDING.sub("", prose))
@@ -93,7 +93,7 @@ def test_a_notebook_asks_a_question_and_keeps_pictures_not_paths(path):
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_every_cell_prints_what_is_saved_and_the_text_says_it(path):
+def test_every_cell_prints_what_is_saved_and_the_text_agrees(path):
     """Numbers, names of effects and verdicts in prose: each is printed by a cell, or set in one."""
     saved, run = [cell for cell in cells(path) if cell["cell_type"] == "code"], played(path)
     for cell, found in zip(saved, run.outputs, strict=True):
@@ -102,22 +102,25 @@ def test_every_cell_prints_what_is_saved_and_the_text_says_it(path):
         for now, before in zip(there, cell["outputs"], strict=True):
             assert is_as_saved(text(now), text(before)), f"{source}\n{text(now)}"
             assert ("image/png" in now.get("data", {})) == ("image/png" in before.get("data", {}))
-    told = "".join(text(output) for found in run.outputs for output in found) + code(path)
-    assert untold(prose(path), told) == []
+    printed = "".join(text(output) for found in run.outputs for output in found) + code(path)
+    assert missing_numbers(prose(path), printed) == []
     for name, effect in catalogue.items():
         if re.search(rf"\b{re.escape(effect.title)}\b", prose(path), re.IGNORECASE):
-            assert any(word.lower() in told.lower() for word in (name, effect.title, effect.__name__)), name
+            assert any(word.lower() in printed.lower() for word in (name, effect.title, effect.__name__)), name
     for verdict in VERDICTS & set(re.findall(r"`(\w+)`", prose(path))):
-        assert re.search(rf"\b{verdict}\b", told), verdict
+        assert re.search(rf"\b{verdict}\b", printed), verdict
 
 
 def test_a_wrong_sentence_and_a_changed_output_are_seen():
-    told = "named: coulomb_friction, 0.2995 N m in 14.00 s, e^-3"
-    assert untold("## 7. Title\n\n0.30 N m (Janot 2019) of $x_{12}$ in 14 s of `angle_1`, minus -3", told) == []
-    assert untold("0.31 N m, 0.301 N m, 15 s", told) == ["0.31", "0.301", "15"]
-    assert is_as_saved(told, told.replace("0.2995", "0.31").replace("14.00", "14.01"))
-    assert not is_as_saved(told, told.replace("0.2995", "0.34"))
-    assert not is_as_saved(told, told.replace("coulomb", "stribeck"))
+    printed = "named: coulomb_friction, 0.2995 N m in 14.00 s, e^-3"
+    assert (
+        missing_numbers("## 7. Title\n\n0.30 N m (Janot 2019) of $x_{12}$ in 14 s of `angle_1`, minus -3", printed)
+        == []
+    )
+    assert missing_numbers("0.31 N m, 0.301 N m, 15 s", printed) == ["0.31", "0.301", "15"]
+    assert is_as_saved(printed, printed.replace("0.2995", "0.31").replace("14.00", "14.01"))
+    assert not is_as_saved(printed, printed.replace("0.2995", "0.34"))
+    assert not is_as_saved(printed, printed.replace("coulomb", "stribeck"))
     assert not is_as_saved("0.4 N m off", "0 N m off")
 
 

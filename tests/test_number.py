@@ -26,8 +26,8 @@ def test_a_model_takes_any_number(kind: type) -> None:
     )
     model = model.with_payload(inertia=kind(1), gravity=kind(0))
     assert [type(value) for value in (model.inertia, model.effects[0].torque)] == [float, float]
-    told = ModelFile(model=model, std={"inertia": kind(1)}, sample_time=kind(1)).to_dict()
-    assert json.loads(json.dumps(told))["parameters"]["inertia"] == {"value": 3.0, "std": 1.0, "unit": "kg m^2"}
+    content = ModelFile(model=model, std={"inertia": kind(1)}, sample_time=kind(1)).to_dict()
+    assert json.loads(json.dumps(content))["parameters"]["inertia"] == {"value": 3.0, "std": 1.0, "unit": "kg m^2"}
     assert np.isfinite(simulate(model, command=np.ones(5), dt=float(kind(1)) / 100)).all()
     assert Rig.paper_like(inertia=kind(2)).inertia == 2
 

@@ -19,7 +19,7 @@ def test_what_imitates_a_lag_pays_for_what_the_log_knows_of_it() -> None:
     """Its three parameters trade places, and bounds stop them: all were held, and the spring cost nothing."""
     lags = ["sensor_lag", "actuator_lag", "input_delay"]
     found = diagnose(drawn(100063).log, candidates=[*lags, "torque_offset", "compliance"])
-    told = {cause.effect: cause.probability for cause in found.causes}
-    assert told["torque_offset"] > 0.9
-    assert told.get("compliance", 0.0) < 0.5
-    assert max(told.get(lag, 0.0) for lag in lags) > 0.5
+    probabilities = {cause.effect: cause.probability for cause in found.causes}
+    assert probabilities["torque_offset"] > 0.9
+    assert probabilities.get("compliance", 0.0) < 0.5
+    assert max(probabilities.get(lag, 0.0) for lag in lags) > 0.5

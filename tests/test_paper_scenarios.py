@@ -162,12 +162,12 @@ def test_equation_5_is_equation_4_to_first_order() -> None:
 # Figure 6.
 
 
-def test_the_gap_is_read_off_the_curve_to_a_percent() -> None:
+def test_backlash_is_read_off_the_curve_to_a_percent() -> None:
     assert number("figure6", "gaps") == pytest.approx([0.29e-3, 1.16e-3, 4.65e-3], rel=0.01)
     assert number("figure6", "stiffnesses") == pytest.approx([2e4] * 3, rel=0.02)
 
 
-def test_the_dead_zone_in_torque_is_friction_and_not_the_gap() -> None:
+def test_the_dead_zone_in_torque_is_friction_and_not_backlash() -> None:
     assert number("figure6", "true_torque_dead_zone") == pytest.approx(5e-4 * 99.2307, rel=1e-5)
     assert number("figure6", "torque_dead_zones") == pytest.approx([5e-4 * 99.2307] * 3, abs=0.02)
     table = outcome("figure6").table()
@@ -177,7 +177,7 @@ def test_the_dead_zone_in_torque_is_friction_and_not_the_gap() -> None:
         assert np.median(short) == pytest.approx(5e-4 * 99.2307, abs=0.012)
 
 
-def test_what_the_gap_costs_at_a_reversal_is_time() -> None:
+def test_what_backlash_costs_at_a_reversal_is_time() -> None:
     crossing, flight = number("figure6", "crossing_times"), number("figure6", "flight_times")
     J, rate = 4e-6 * 99.2307**2, 8.0  # a free rotor under a torque that grows evenly
     assert flight == pytest.approx(np.cbrt(6 * J * np.array([0.29e-3, 1.16e-3, 4.65e-3]) / rate), rel=1e-4)
@@ -223,10 +223,10 @@ def test_the_claims_table_matches_the_scenarios(name: str) -> None:
     table = Path(__file__).parents[1] / "benchmarks" / "results" / "paper_claims.txt"
     part = re.search(rf"^{name}: .*?\n\n(.*?)\n(?:\n|\Z)", table.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     assert part is not None
-    said, kept = " ".join(outcome(name).sentences()), " ".join(part[1].split())
-    assert NUMBER.sub("#", said) == NUMBER.sub("#", kept)
-    found, told = ([float(n) for n in NUMBER.findall(text)] for text in (said, kept))
-    assert found == pytest.approx(told, rel=0.02, abs=1e-3)
+    outcome_text, kept = " ".join(outcome(name).sentences()), " ".join(part[1].split())
+    assert NUMBER.sub("#", outcome_text) == NUMBER.sub("#", kept)
+    found, written = ([float(n) for n in NUMBER.findall(text)] for text in (outcome_text, kept))
+    assert found == pytest.approx(written, rel=0.02, abs=1e-3)
 
 
 def test_every_file_of_the_package_is_a_scenario() -> None:

@@ -26,7 +26,7 @@ def covered(low: float, high: float, turn: float = TURN) -> Covered:
     def ways(instant: float) -> tuple[float, float]:
         return 2.0 * instant, 2.0 * (20.0 - instant)
 
-    return Covered(low=low, high=high, speed=2.0, duration=20.0, inertia=2.0, turn=turn, ways=ways)
+    return Covered(low=low, high=high, speed=2.0, duration=20.0, inertia=2.0, turn=turn, travelled=ways)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_what_a_cause_can_be(effect: Effect, plausible: bool) -> None:
     assert effect.plausible(covered(-4.0, 5.0)) is plausible
 
 
-def test_a_spring_that_hardly_swings_is_no_spring() -> None:
+def test_a_spring_without_visible_oscillation_is_no_spring() -> None:
     """It fits a lag, by its damping over its frequency."""
     log = record(Machine().hiding(actuator_lag={"time_constant": 0.02}), excitation(6, duration=20.0), seed=6).log()
     found = diagnose(log, candidates=["compliance"])

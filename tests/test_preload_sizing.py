@@ -56,7 +56,7 @@ def test_what_is_known_of_this_machine_is_found_again() -> None:
     assert np.all(found().preload[quiet, SLAVE] <= 38.1)
 
 
-def test_less_than_what_was_found_parts_the_teeth() -> None:
+def test_less_than_what_was_found_loses_contact() -> None:
     settings = sized(ONE_MESH)
     rigs = [settings.machine(mesh, noise) for mesh, noise in zip(found().meshes, found().noises, strict=True)]
     for strategy, shares in ((EQUAL, [0.5, 0.5]), (SLAVE, [0.0, 1.0])):

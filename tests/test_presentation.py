@@ -140,7 +140,7 @@ def test_only_what_has_a_report_offers_one(results):
     }
 
 
-def test_a_closed_loop_tells_itself_in_one_line(results):
+def test_a_closed_loop_reports_itself_in_one_line(results):
     loop = results["loop"]
     assert "\n" not in repr(loop)
     assert f"100 samples to 0.495 s; tracking error {loop.tracking_rms:.3g} rad rms" in repr(loop)
@@ -162,8 +162,8 @@ def test_a_model_is_a_table_of_its_parameters():
 def test_a_prediction_lies_beside_what_was_measured(tmp_path):
     model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", columns(duration=4.0))
     out, page = tmp_path / "p.csv", tmp_path / "p.html"
-    spoken = antidrive("predict", model, log, "--measured", "--report", page, "--out", out)
-    assert spoken.code == 0, spoken.err
+    result = antidrive("predict", model, log, "--measured", "--report", page, "--out", out)
+    assert result.code == 0, result.err
     table = pd.read_csv(out)
     assert list(table) == ["run", "time", "angle", "measured"]
     assert table["measured"].to_numpy() == pytest.approx(pd.read_csv(log)["angle"].to_numpy())
@@ -171,4 +171,4 @@ def test_a_prediction_lies_beside_what_was_measured(tmp_path):
     assert again["measured"].to_numpy() == pytest.approx(table["measured"].to_numpy())
     assert again["angle"].to_numpy() == pytest.approx(table["angle"].to_numpy(), abs=1e-9)
     assert "rms error" in page.read_text(encoding="utf-8")
-    assert spoken.out.splitlines()[-1] == f"Written: {out}, {page}"
+    assert result.out.splitlines()[-1] == f"Written: {out}, {page}"

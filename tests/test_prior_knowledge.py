@@ -76,19 +76,19 @@ def test_a_prior_that_the_log_contradicts_does_not_break_the_fit(mean: float, fr
     assert found.log_likelihood < free.log_likelihood - 100.0
 
 
-def test_bounds_hold_and_are_told(free: Fit) -> None:
+def test_bounds_hold_and_are_reported(free: Fit) -> None:
     found = fit(LOG, bounds={"inertia": (0.1, 0.3), "viscous_friction": (0.1, 3.0)})
     assert found["inertia"].value == 0.3
     assert found["inertia"].at_bound
     assert "bounds of inertia: 0.1 .. 0.3 kg m^2" in fit_report(found)
-    told = json.loads(json.dumps(fit_to_dict(found)))["parameters"]
-    assert told["inertia"]["bounds"] == [0.1, 0.3]
-    assert "bounds" not in told["gravity"]
+    reported = json.loads(json.dumps(fit_to_dict(found)))["parameters"]
+    assert reported["inertia"]["bounds"] == [0.1, 0.3]
+    assert "bounds" not in reported["gravity"]
     wide = fit(LOG, PLAIN, bounds={"inertia": (0.1, 3.0)})
     assert wide["inertia"].value == pytest.approx(free["inertia"].value, rel=1e-6)
 
 
-def test_a_fixed_value_is_kept_and_told() -> None:
+def test_a_fixed_value_is_kept_and_reported() -> None:
     found = fit(LOG, fixed={"inertia": 0.9})
     assert (found["inertia"].value, found["inertia"].fixed) == (0.9, True)
     assert found.model.inertia == 0.9
@@ -97,10 +97,10 @@ def test_a_fixed_value_is_kept_and_told() -> None:
 
 
 def test_what_is_known_holds_when_an_effect_comes_to_the_model() -> None:
-    log, said = Log.from_arrays(**columns(TRUTH, duration=6.0)), {"fixed": {"gravity": 0.6}}
-    said["bounds"] = {"inertia": (0.7, 0.79), "coulomb_friction.torque": (0.05, 0.39)}
-    said["prior"] = {"viscous_friction": (0.5, 1e-6)}
-    known = known_of(**said, start=PLAIN, effects=[CoulombFriction], stated=True)
+    log, given = Log.from_arrays(**columns(TRUTH, duration=6.0)), {"fixed": {"gravity": 0.6}}
+    given["bounds"] = {"inertia": (0.7, 0.79), "coulomb_friction.torque": (0.05, 0.39)}
+    given["prior"] = {"viscous_friction": (0.5, 1e-6)}
+    known = known_of(**given, start=PLAIN, effects=[CoulombFriction], stated=True)
     base = fit_with_prior(log, PLAIN, known)
     richer = fitted_near(base, base.model.with_effect(CoulombFriction(torque=0.8)))
     for each in (base, richer, fitted_near(richer, PLAIN)):
@@ -122,11 +122,11 @@ def test_a_diagnosis_hands_on_what_is_known(monkeypatch: pytest.MonkeyPatch) -> 
         raise BadParameter("heard.")
 
     monkeypatch.setattr(import_module("diagnosis.diagnose"), "fit_with_prior", listen)
-    said = {"fixed": {"cogging.order": 12}, "bounds": {"inertia": (1, 2)}, "prior": {"gravity": (1, 2)}}
-    for task in (lambda: diagnose(LOG, **said), lambda: next(diagnose_all([LOG], **said))):
+    given = {"fixed": {"cogging.order": 12}, "bounds": {"inertia": (1, 2)}, "prior": {"gravity": (1, 2)}}
+    for task in (lambda: diagnose(LOG, **given), lambda: next(diagnose_all([LOG], **given))):
         with pytest.raises(BadParameter, match="heard"):
             task()
-    assert heard == [PriorKnowledge(**said)] * 2
+    assert heard == [PriorKnowledge(**given)] * 2
 
 
 BAD = {
@@ -148,7 +148,7 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 @pytest.mark.parametrize("task", [fit, diagnose])
-def test_what_cannot_be_is_said_in_one_sentence(task, case) -> None:
+def test_what_cannot_be_is_reported_in_one_sentence(task, case) -> None:
     words, expected = BAD[case]
     with pytest.raises(BadParameter, match=expected) as caught:
         task(LOG, **words)

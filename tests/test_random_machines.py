@@ -9,7 +9,7 @@ from diagnosis import Diagnosis, diagnose
 LAGS = ["input_delay", "actuator_lag", "sensor_lag"]
 
 
-def told_of(effect: str, seed: int, size: float, candidates: list[str]) -> Diagnosis:
+def diagnosed_with(effect: str, seed: int, size: float, candidates: list[str]) -> Diagnosis:
     """What is told of an effect that is hidden in the machine of a seed."""
     bench = Bench.drawn(seed)
     case = shaped(next(case for case in CASES if case.effect == effect), bench, seed)
@@ -27,16 +27,16 @@ def told_of(effect: str, seed: int, size: float, candidates: list[str]) -> Diagn
         pytest.param("sensor_lag", 41021, 0.00222, id="of a load that could fall, behind three observers"),
     ],
 )
-def test_of_lags_of_equal_length_none_is_told_alone(effect: str, seed: int, size: float) -> None:
-    found = told_of(effect, seed, size, LAGS)
+def test_of_lags_of_equal_length_none_is_reported_alone(effect: str, seed: int, size: float) -> None:
+    found = diagnosed_with(effect, seed, size, LAGS)
     assert found.verdict in ("ambiguous", "unknown")
     assert all(cause.probability < 0.9 for cause in found.causes)
 
 
 @pytest.mark.long
-def test_a_gap_as_small_as_the_noise_is_found() -> None:
+def test_backlash_as_small_as_the_noise_is_found() -> None:
     """The screen saw a gap a hundred times as wide, from which no descent led back."""
-    found = told_of("backlash", 41073, 0.00194, ["backlash"])
+    found = diagnosed_with("backlash", 41073, 0.00194, ["backlash"])
     (cause,) = found.causes
     assert (found.verdict, cause.effect) == ("named", "backlash")
     assert cause.parameters["gap"].value == pytest.approx(0.00194, rel=0.35)
@@ -45,7 +45,7 @@ def test_a_gap_as_small_as_the_noise_is_found() -> None:
 @pytest.mark.long
 def test_a_cause_that_leaves_an_observer_nothing_to_do_is_named() -> None:
     """Restarts from noisy states hid it, and the last quarter of the log does not come by the stop."""
-    found = told_of("end_stop", 40061, 0.01, ["end_stop", "payload_change"])
+    found = diagnosed_with("end_stop", 40061, 0.01, ["end_stop", "payload_change"])
     (cause,) = found.causes
     assert (found.verdict, cause.effect) == ("named", "end_stop")
     assert (found.base.bandwidth > 0.0, found.extended.bandwidth) == (True, 0.0)
@@ -54,6 +54,6 @@ def test_a_cause_that_leaves_an_observer_nothing_to_do_is_named() -> None:
 @pytest.mark.long
 def test_back_emf_is_searched_inside_the_dead_zone() -> None:
     """Smaller ones are viscous friction on that log, and a descent from there sees no slope."""
-    found = told_of("back_emf", 41098, 0.389, ["back_emf", "quadratic_drag"])
+    found = diagnosed_with("back_emf", 41098, 0.389, ["back_emf", "quadratic_drag"])
     (cause,) = found.causes
     assert (found.verdict, cause.effect) == ("named", "back_emf")

@@ -33,11 +33,11 @@ def test_the_gain_is_the_stationary_kalman_filters(bandwidth):
     assert observer_gain(bandwidth, np.array([DT]), random_walk=True)[:, 0] == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_simulation_does_not_wander():
+def test_a_simulation_has_no_random_walk():
     assert observer_gain(0.0, np.full(3, DT), random_walk=True) == pytest.approx(np.zeros((3, 3)))
 
 
-def test_an_observer_that_knows_of_wandering_predicts_it_better():
+def test_an_observer_with_a_random_walk_predicts_it_better():
     log = log_with_random_walk(Machine(), 5000)
     found = fit(log)
     followed = Problem.of(log, base_model(log).with_effect(RandomWalkLoad())).descend(found)
@@ -45,7 +45,7 @@ def test_an_observer_that_knows_of_wandering_predicts_it_better():
 
 
 @pytest.mark.parametrize("seed", [5000, pytest.param(10005, marks=pytest.mark.long)])
-def test_a_wandering_load_has_no_cause(seed):
+def test_a_random_walk_load_has_no_cause(seed):
     """The last was imitated by five names together, each of them 1.000."""
     found = diagnose(log_with_random_walk(Machine(), seed))
     assert found.verdict in ("nothing_missing", "unknown")
@@ -53,13 +53,13 @@ def test_a_wandering_load_has_no_cause(seed):
 
 
 @pytest.mark.parametrize("seed", [5002])
-def test_a_cause_is_named_beside_a_wandering_load(seed):
+def test_a_cause_is_named_beside_a_random_walk_load(seed):
     found = diagnose(log_with_random_walk(Machine().hiding(coulomb_friction={"torque": 0.1}), seed))
     assert [cause.effect for cause in found.causes] == ["coulomb_friction"]
     assert found.causes[0].parameters["torque"].value == pytest.approx(0.1, rel=0.1)
 
 
-def test_a_name_has_to_beat_a_wandering_load():
+def test_an_effect_has_to_exceed_a_random_walk_load():
     """A slow load of 0.01 N m that looks like a soft stop on this log: without the wandering it would be sure."""
     found = diagnose(log_with_random_walk(Machine(), 7001), candidates=["end_stop", "torque_offset"])
     assert found.verdict in ("nothing_missing", "unknown")

@@ -18,14 +18,14 @@ CHANCE = re.compile(r"(?:> )?[\d.]+ %, evidence \w+ \(log Bayes factor [\d.]+\)"
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 
-def test_the_example_prints_what_it_says(tmp_path):
-    code, said = re.search(r"```python\n(.*?)```\n```\n(.*?)```", README, re.DOTALL).groups()
+def test_the_example_prints_what_is_shown(tmp_path):
+    code, shown = re.search(r"```python\n(.*?)```\n```\n(.*?)```", README, re.DOTALL).groups()
     assert len(code.strip().splitlines()) <= 16
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert NUMBER.sub("#", done.stdout) == NUMBER.sub("#", said)
-    found, told = ([float(n) for n in NUMBER.findall(text)] for text in (done.stdout, said))
-    assert found == pytest.approx(told, rel=0.1)
+    assert NUMBER.sub("#", done.stdout) == NUMBER.sub("#", shown)
+    found, written = ([float(n) for n in NUMBER.findall(text)] for text in (done.stdout, shown))
+    assert found == pytest.approx(written, rel=0.1)
 
 
 def test_the_commands_for_the_cart_print_what_is_said(tmp_path, monkeypatch):

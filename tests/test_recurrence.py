@@ -26,7 +26,7 @@ def test_harmonics_of_the_motion_return_and_other_waves_do_not(multiple, low, hi
     assert low <= returns_to_its_states(swing(rate), np.exp(1j * multiple * rate * TIME)) <= high
 
 
-def test_states_that_are_visited_once_say_nothing():
+def test_states_that_are_visited_once_give_no_estimate():
     once = SimpleNamespace(angle=TIME**2, velocity=2.0 * TIME, time=TIME)
     assert returns_to_its_states(once, np.exp(1j * TIME)) == 0.0
 
@@ -63,8 +63,8 @@ def swung(disturbance: dict[str, float] | None, **hidden: dict[str, float]) -> L
 
 @pytest.mark.long
 def test_friction_in_a_repeated_motion_is_not_called_a_wave():
-    asked = ["periodic_disturbance", "friction_drift"]
-    found = diagnose(swung(None, stribeck_friction=STRIBECK), candidates=asked)
+    candidates = ["periodic_disturbance", "friction_drift"]
+    found = diagnose(swung(None, stribeck_friction=STRIBECK), candidates=candidates)
     assert found.verdict == "unknown"
     assert "velocity" in found.unexplained.depends_on
 

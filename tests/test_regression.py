@@ -47,8 +47,8 @@ def test_a_start_is_tried_once() -> None:
 
 def test_regression_finds_a_dead_zone_missing_at_the_start() -> None:
     truth = RIGID.with_effect(DeadZone(half_width=0.6))
-    blind = RIGID.with_effect(DeadZone(half_width=0.0))
-    found = nearest(starting_values(recorded(truth), replace(blind, inertia=9.0)), truth.values)
+    without_zone = RIGID.with_effect(DeadZone(half_width=0.0))
+    found = nearest(starting_values(recorded(truth), replace(without_zone, inertia=9.0)), truth.values)
     assert found[:3] == pytest.approx([2.0, 0.5, 0.8], rel=0.1)
     assert found[3] == pytest.approx(0.6, rel=0.2)
 

@@ -51,7 +51,7 @@ def test_what_is_missing_repeats() -> None:
     assert "this part is model error, not noise" in str(found)
 
 
-def test_without_repeats_nothing_is_said() -> None:
+def test_without_repeats_nothing_is_reported() -> None:
     assert repeats(fit(log_of(3, 4))) is None
 
 

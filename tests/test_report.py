@@ -120,8 +120,8 @@ def test_the_error_of_a_simulation_has_its_standard_error(diagnosis):
         valid=np.ones(samples, dtype=bool),
     )
     lead = diagnosis_page(replace(diagnosis, replays=(noisy,)), Provenance.now([])).split("<h2>")[0]
-    said = re.findall(r"<b>(\S+) ± (\S+) (µ?)rad</b>", lead.replace("\N{NO-BREAK SPACE}", " "))
-    sizes, errors = ([float(pair[k]) * (1e-6 if pair[2] else 1.0) for pair in said] for k in (0, 1))
+    text = re.findall(r"<b>(\S+) ± (\S+) (µ?)rad</b>", lead.replace("\N{NO-BREAK SPACE}", " "))
+    sizes, errors = ([float(pair[k]) * (1e-6 if pair[2] else 1.0) for pair in text] for k in (0, 1))
     assert sizes == pytest.approx([0.05, 0.01, 0.001])  # as the diagnosis says them
     # of the rms of white noise: sigma / sqrt(2 N)
     white = [level / np.sqrt(2 * samples) for level in (0.01, 0.001)]
@@ -143,12 +143,14 @@ def test_numbers_keep_the_digits_that_their_error_leaves():
 def test_a_linear_axis_lacks_a_force(diagnosis):
     lacked = replace(diagnosis.residual_before, unit="N")
     for unit, there, absent in (("N m", "torque", "force"), ("N", "force", "torque")):
-        told = replace(diagnosis, residual_before=replace(lacked, unit=unit), residual_after=replace(lacked, unit=unit))
-        lives = sections(diagnosis_page(told, Provenance.now(["antidrive"])))[f"Residual {there}"]
+        changed = replace(
+            diagnosis, residual_before=replace(lacked, unit=unit), residual_after=replace(lacked, unit=unit)
+        )
+        lives = sections(diagnosis_page(changed, Provenance.now(["antidrive"])))[f"Residual {there}"]
         assert f"residual {there} [{unit}]" in lives
         assert f"the variance of the residual {there} of the base model" in lives
         assert f"residual {absent}" not in lives
-        assert f"Relative {there} error" in sentences(told)[4]
+        assert f"Relative {there} error" in sentences(changed)[4]
 
 
 def test_words_look_as_in_print():
@@ -181,13 +183,13 @@ def unbroken(text: str) -> str:
 
 
 def test_every_section_shows_its_own_numbers(diagnosis):
-    told = replace(
+    changed = replace(
         diagnosis,
         base=sized(replace(diagnosis.base, log=replace(diagnosis.base.log, repairs=("a repair",))), 11.25),
         extended=sized(diagnosis.base, 22.5),
         warnings=("a repair", "a warning"),
     )
-    found = sections(diagnosis_page(told, Provenance.now(["antidrive"])))
+    found = sections(diagnosis_page(changed, Provenance.now(["antidrive"])))
     parameters = found["Parameters of the extended model"]
     std = diagnosis.base.parameters[0].std
     assert measured(22.5, std, "kg m^2").split(" kg")[0] in parameters.replace("\N{NO-BREAK SPACE}", " ")
@@ -259,7 +261,7 @@ def test_a_page_is_small_whatever_the_length_of_its_log(diagnosis):
 
 
 @pytest.mark.parametrize("verdict", ["nothing_missing", "unknown"])
-def test_a_page_without_causes_stands_too(diagnosis, verdict):
+def test_a_page_without_causes_is_complete_too(diagnosis, verdict):
     bare = replace(diagnosis, verdict=verdict, causes=(), gain=None, extended=diagnosis.base, replays=())
     text = diagnosis_page(bare, Provenance.now(["antidrive"]))
     assert headline(bare) in text
@@ -279,7 +281,7 @@ def test_a_fit_has_its_page(fitted):
     ]
 
 
-def test_words_say_how_sure(diagnosis):
+def test_words_state_the_probability(diagnosis):
     cause, minor, unknown, gain, torque, left = sentences(diagnosis)
     floor = measured(0.001, 0.001 / np.sqrt(2 * diagnosis.extended.samples), "rad")
     assert cause == (
@@ -364,7 +366,7 @@ def test_str_is_the_command_line_text_and_repr_is_one_line(fitted, diagnosis):
     assert repr(fitted).endswith(f"; {fitted.log!r})")
 
 
-def test_the_headline_tells_what_is_in_doubt(diagnosis):
+def test_the_headline_reports_what_is_uncertain(diagnosis):
     (minor,) = diagnosis.minor
     doubt = replace(diagnosis, verdict="ambiguous", minor=(replace(minor, probability=0.3),))
     assert headline(doubt) == (
@@ -372,7 +374,7 @@ def test_the_headline_tells_what_is_in_doubt(diagnosis):
     )
 
 
-def test_the_headline_tells_what_is_as_likely_as_not(diagnosis):
+def test_the_headline_reports_what_is_about_even(diagnosis):
     likeliest = diagnosis.sets[0]
     open_sets = (
         replace(likeliest, effects=("coulomb_friction",), probability=0.55),
@@ -386,19 +388,19 @@ def test_the_headline_tells_what_is_as_likely_as_not(diagnosis):
     )
 
 
-def test_of_many_that_are_unlikely_each_is_told(diagnosis):
+def test_of_many_improbable_effects_each_is_reported(diagnosis):
     others = ("backlash", "compliance", "end_stop", "payload_change", "rate_limit", "sensor_lag")
     sets = [replace(diagnosis.sets[0], effects=("coulomb_friction",), probability=0.46)]
     sets += [replace(sets[0], effects=("coulomb_friction", name), probability=0.09) for name in others]
-    said = headline(replace(diagnosis, verdict="ambiguous", minor=(), sets=tuple(sets)))
-    assert "It may also lack backlash (probability 9 %), " in said
-    assert said.count("(probability 9 %)") == len(others)
+    text = headline(replace(diagnosis, verdict="ambiguous", minor=(), sets=tuple(sets)))
+    assert "It may also lack backlash (probability 9 %), " in text
+    assert text.count("(probability 9 %)") == len(others)
 
 
 @pytest.mark.parametrize(
     ("alone", "where"), [("From 1 to 2 s ...", "it shows in the validation data alone"), (None, "it depends on angle")]
 )
-def test_the_headline_tells_that_more_is_unexplained_than_named(diagnosis, alone, where):
+def test_the_headline_reports_more_unexplained_than_named(diagnosis, alone, where):
     left = replace(diagnosis.unexplained, depends_on=("angle",))
     more = replace(diagnosis, verdict="unknown", only_in_validation=alone, unexplained=left)
     assert headline(more) == f"The model lacks Coulomb friction. More of its error is explained by no effect; {where}."

@@ -67,8 +67,8 @@ KINDS = ("diagnosis", "fit", "experiment", "gallery")
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_opens_without_an_error_and_asks_for_nothing(browser, pages, kind):
     with Reader(browser, pages[kind]) as reader:
-        assert reader.said == []
-        assert reader.asked == [pages[kind].as_uri()]
+        assert reader.messages == []
+        assert reader.requested == [pages[kind].as_uri()]
         assert reader.ask("document.querySelectorAll('.plot').length") >= 1
         assert reader.ask("[...document.querySelectorAll('math')].every(m => m.getBoundingClientRect().height > 10)")
         assert reader.ask(CUT) == []

@@ -19,7 +19,7 @@ def found(offset: float, friction: float = 0.0) -> Diagnosis:
     return diagnose(log, candidates=("torque_offset", *(["coulomb_friction"] if friction else [])))
 
 
-def test_an_effect_in_doubt_is_told_with_its_doubt() -> None:
+def test_an_uncertain_effect_is_reported_with_its_probability() -> None:
     diagnosis = found(2.2e-5)
     assert diagnosis.verdict == "ambiguous"
     (cause,) = diagnosis.causes
@@ -29,7 +29,7 @@ def test_an_effect_in_doubt_is_told_with_its_doubt() -> None:
     assert "The unexplained torque is about as large as torque offset" in str(diagnosis.explain())
 
 
-def test_what_chance_explains_too_is_not_told() -> None:
+def test_what_chance_explains_too_is_not_reported() -> None:
     diagnosis = found(2e-6)
     assert (diagnosis.verdict, diagnosis.causes) == ("nothing_missing", ())
 

@@ -67,7 +67,7 @@ def test_the_flank_torques_are_those_of_the_formula() -> None:
     assert record.flank_torques[-1] == pytest.approx(expected, rel=1e-4)
 
 
-def test_without_preload_the_teeth_part_and_the_load_dwells() -> None:
+def test_without_preload_contact_is_lost_and_the_load_dwells() -> None:
     rig = Rig.paper_like(**IDEAL_ENCODER)
     loose = rig.run(sine_torques(rig, 2.0, preload=0.0), SAMPLE_TIME, seed=0)
     tight = rig.run(sine_torques(rig, 2.0, preload=0.2), SAMPLE_TIME, seed=0)

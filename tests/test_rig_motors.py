@@ -88,9 +88,13 @@ def test_any_number_of_motors_moves_the_load(drives: tuple[int, ...]) -> None:
     record = rig.run(np.tile(torques, (200, 1)), 0.005, seed=0, start=rig.rest(torques=torques))
     assert record.torques.shape == record.flank_torques.shape == record.motor_angles.shape == (200, m)
     push = float(np.sum(torques * -8.05))
-    carried = 2.0 + np.sum(torques != 0.0) * 4e-6 * rig.gears.ratio**2  # idle rotors are dragged by the other flank
+    total_inertia = (
+        2.0 + np.sum(torques != 0.0) * 4e-6 * rig.gears.ratio**2
+    )  # idle rotors are dragged by the other flank
     expected = 0.5 * push / rig.total_inertia * record.time[-1] ** 2
-    assert abs(record.true_angle[-1]) == pytest.approx(abs(expected), rel=0.05 if carried < rig.total_inertia else 1e-3)
+    assert abs(record.true_angle[-1]) == pytest.approx(
+        abs(expected), rel=0.05 if total_inertia < rig.total_inertia else 1e-3
+    )
     assert np.sign(record.true_angle[-1]) == np.sign(push)
 
 
@@ -108,7 +112,7 @@ def test_four_motors_share_what_two_have_to_give() -> None:
     assert quartet.flank_torques.sum(axis=1) == pytest.approx(pair.flank_torques.sum(axis=1), abs=0.6)
 
 
-def test_each_drive_has_its_own_play() -> None:
+def test_each_drive_has_its_own_backlash() -> None:
     rig = Rig.paper_like(**PURE, backlash=(1e-3, 4e-3))
     assert rig.rest().rotor_angles == pytest.approx([-0.5e-3, 2e-3])
     state = rig.rest()
@@ -200,5 +204,7 @@ def test_a_gear_rubs_the_more_the_more_it_passes() -> None:
     ramp = 8.0 * np.concatenate((np.linspace(0, 1, 200), np.linspace(1, 0.25, 150)))
     played = rig.run(ramp[:, None] / rig.torque_map, 0.005, seed=0)
     friction, passed = rig.motor_coulomb * rig.gears.ratio, played.flank_torques[:, 0]
-    for k, (told, sign) in {150: (ramp[149], 1.0), 340: (ramp[339], -1.0)}.items():
-        assert passed[k] == pytest.approx((told - sign * friction) / (1.0 + sign * mu), abs=0.04)  # a step of the ramp
+    for k, (commanded, sign) in {150: (ramp[149], 1.0), 340: (ramp[339], -1.0)}.items():
+        assert passed[k] == pytest.approx(
+            (commanded - sign * friction) / (1.0 + sign * mu), abs=0.04
+        )  # a step of the ramp

@@ -96,7 +96,7 @@ def test_free_motion_is_the_same() -> None:
     assert ours["gap"] == pytest.approx(theirs["gap"], abs=3e-6)  # of a play of 1.2e-3
 
 
-def test_the_teeth_meet_at_the_same_times() -> None:
+def test_the_flanks_meet_at_the_same_times() -> None:
     theirs, ours = both()
     for drive in range(2):
         expected = engagements(theirs["gap"][:, drive])

@@ -166,5 +166,5 @@ def test_a_text_column_of_another_log_numbers_its_experiments():
     log = Log.read(path, mapping=names | {"run": "peak_value"})
     assert [run.run for run in log.runs[:3]] == ["2.5A", "-2.5A", "5A"]
     assert len(log.runs) == 16
-    for said in log.warnings + log.repairs + Log.read(path, mapping=names).repairs:
-        assert "e+09" not in said
+    for finding in log.warnings + log.repairs + Log.read(path, mapping=names).repairs:
+        assert "e+09" not in finding

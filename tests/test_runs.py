@@ -92,22 +92,22 @@ def test_chosen_parameters_differ_by_run_and_others_are_shared(loaded):
         fit(log, start(), per_run=("inertia",), fixed=("inertia",))
 
 
-def test_runs_that_disagree_are_said_with_what_and_by_how_much(loaded):
+def test_runs_that_disagree_are_reported_with_by_how_much(loaded):
     found = fit(Log.from_arrays(**loaded), start())
-    (said,) = (text for text in found.log.warnings if "disagree" in text)
-    assert "standard errors apart" in said
-    assert "payload_mass" in said
-    assert "inertia" in said.split(":")[0] or "gravity" in said.split(":")[0]
-    assert "viscous" not in said
+    (warning,) = (text for text in found.log.warnings if "disagree" in text)
+    assert "standard errors apart" in warning
+    assert "payload_mass" in warning
+    assert "inertia" in warning.split(":")[0] or "gravity" in warning.split(":")[0]
+    assert "viscous" not in warning
 
 
-def test_a_diagnosis_says_it_too_with_what_can_be_typed(loaded):
+def test_a_diagnosis_reports_it_too_with_an_option_to_type(loaded):
     few = {name: values[(np.arange(values.size) % 2400 < 700)] for name, values in loaded.items()}
     log = Log.from_arrays(**few)
     found = diagnose(log, base=start(), candidates=["torque_offset"])
-    (said,) = (text for text in found.warnings if "disagree" in text)
-    assert "payload_mass" in said
-    assert "antidrive identify --per-run" in said
+    (warning,) = (text for text in found.warnings if "disagree" in text)
+    assert "payload_mass" in warning
+    assert "antidrive identify --per-run" in warning
 
 
 @pytest.mark.long
@@ -123,11 +123,11 @@ def test_runs_that_agree_raise_no_warning_under_model_error():
 def test_a_few_per_cent_between_runs_are_detected():
     machine = Machine(inertia=np.array([2.0, 2.0, 2.06]), effects=PLAIN)
     rigid = ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1)
-    said = between_run_differences(fit(made(machine).log_of_runs(), rigid))
-    assert said is not None
-    assert said.startswith("The runs disagree about inertia (")
-    assert "machine 2 run 2 2.06" in said
-    assert " and " not in said.split(")")[0]
+    differences = between_run_differences(fit(made(machine).log_of_runs(), rigid))
+    assert differences is not None
+    assert differences.startswith("The runs disagree about inertia (")
+    assert "machine 2 run 2 2.06" in differences
+    assert " and " not in differences.split(")")[0]
 
 
 def test_one_log_of_somebody_elses_kind():
@@ -171,15 +171,15 @@ def test_a_flexible_drivetrain_keeps_its_motor_under_a_payload():
 
 
 @pytest.mark.parametrize(
-    ("columns", "said"),
+    ("columns", "message"),
     [
         ({"payload_mass": np.full(400, 2.0)}, "needs its payload_radius"),
         ({"payload_inertia": np.linspace(0, 1, 400)}, "changes within a run"),
     ],
 )
-def test_a_payload_that_cannot_be_used_is_refused(columns, said):
+def test_a_payload_that_cannot_be_used_is_refused(columns, message):
     time = np.arange(400) * 0.005
-    with pytest.raises(MalformedLog, match=said):
+    with pytest.raises(MalformedLog, match=message):
         Log.from_arrays(time=time, torque=np.sin(5 * time), angle=np.cos(3 * time), **columns)
 
 

@@ -23,9 +23,9 @@ def test_a_copy_of_a_log_is_no_validation(tmp_path: Path) -> None:
     write_csv(tmp_path / "log.csv", {"time": run.time, "torque": run.command, "angle": run.output})
     shutil.copy(tmp_path / "log.csv", tmp_path / "again.csv")
     words = ("--holdout", tmp_path / "again.csv", "--candidates", "coulomb_friction", "--out", tmp_path / "out")
-    told = antidrive("diagnose", tmp_path / "log.csv", *words)
-    assert (told.code, (tmp_path / "out").exists()) == (2, False)
-    assert "validates nothing" in told.err
+    result = antidrive("diagnose", tmp_path / "log.csv", *words)
+    assert (result.code, (tmp_path / "out").exists()) == (2, False)
+    assert "validates nothing" in result.err
 
 
 def test_the_arrays_of_a_log_cannot_be_changed() -> None:

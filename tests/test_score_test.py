@@ -43,12 +43,12 @@ def test_each_run_has_its_own_initial_state(free: int) -> None:
     assert nuisance.beyond(values[:, 0]) == pytest.approx(expected[:, 0], abs=1e-12)
 
 
-@pytest.mark.parametrize("silent", [0, 1, 2])
-def test_a_parameter_without_a_trace_takes_nothing_away(silent: int) -> None:
+@pytest.mark.parametrize("insensitive", [0, 1, 2])
+def test_a_parameter_without_a_trace_takes_nothing_away(insensitive: int) -> None:
     """As the instant of a payload change does while the load rests; what comes behind it keeps its own."""
     rng = np.random.default_rng(1)
     run = prediction(rng, 50, 3)
-    run.jacobian[:, silent] = 0.0
+    run.jacobian[:, insensitive] = 0.0
     nuisance = Nuisance.of([run])
     assert nuisance.shared.shape == (50, 2)
     assert nuisance.beyond(run.jacobian) == pytest.approx(np.zeros((50, 5)), abs=1e-12)
@@ -96,7 +96,7 @@ def test_a_spectral_line_is_measured_against_white_noise() -> None:
     draws = np.column_stack([chance() for _ in range(16)])
     apart = 2.0 * np.pi / 50.0
     found, searched = strongest_lines(place, score[:, None], draws, 40.0)
-    blind, _ = strongest_lines(place, score[:, None], draws[:, :0], 40.0)
+    white, _ = strongest_lines(place, score[:, None], draws[:, :0], 40.0)
     assert searched > 1000
     assert min(abs(rate - 29.0) for rate in found) < 0.5 * apart
-    assert min(abs(rate - 29.0) for rate in blind) > apart
+    assert min(abs(rate - 29.0) for rate in white) > apart

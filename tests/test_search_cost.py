@@ -7,7 +7,7 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import diagnose
-from diagnosis.evidence.marginal import families_along, weigh
+from diagnosis.evidence.marginal import families_along, marginal_likelihood
 from identification.fit import fit
 from plant import ServoModel
 from plant.effects import (
@@ -22,7 +22,7 @@ def test_a_line_is_tried_under_a_slow_observer_despite_drift() -> None:
     hidden = {"amplitude": 0.002279, "order": 11.0, "phase": 0.7}
     machine = Machine().hiding(cogging=hidden)
     base = fit(record(machine, excitation(18006, duration=30.0), seed=9003, noise=1e-3).log(), ServoModel.paper())
-    explanation = weigh(base, {"dead_zone"}, families_along(base), catalogue=1, observer=base.bandwidth)
+    explanation = marginal_likelihood(base, {"dead_zone"}, families_along(base), catalogue=1, observer=base.bandwidth)
     assert explanation is not None
     orders = [trace.start(np.ones(2)) for trace in Cogging.traces(explanation.screen.motion)]
     assert any(abs(effect.order - 11.0) < 0.25 for effect in orders if isinstance(effect, Cogging))

@@ -24,7 +24,7 @@ def lacking() -> Fit:
     return fit(log)
 
 
-def test_a_minimum_is_where_the_log_tells_no_difference() -> None:
+def test_a_minimum_is_where_the_log_shows_no_difference() -> None:
     equations = NormalEquations(cost=4.0, gradient=np.zeros(2), information=np.diag([1.0, 1e-9]))
     here = Minimum(point=np.zeros(2), equations=equations, converged=True, evaluations=1)
     apart = np.sqrt(0.1 * 4.0 / 50.0)  # a tenth in the log-likelihood of 100 samples

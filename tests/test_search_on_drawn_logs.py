@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from drawn_machines import drawn
 
 from diagnosis import diagnose
-from diagnosis.evidence.fitted_sets import Explored
+from diagnosis.evidence.fitted_sets import FittedSets
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.search_over_sets import explore
 from diagnosis.explanation.summary import headline
@@ -35,7 +35,7 @@ def test_a_ripple_that_the_discrepancy_holds_is_looked_for() -> None:
     null = fit(drawn(358).log)
     families = families_along(null)
     assert families is not None
-    alone = Explored(null=null, effects=dict(catalogue), tell=print, families=families).weighed(null)
+    alone = FittedSets(null=null, effects=dict(catalogue), tell=print, families=families).explanation_of(null)
     assert alone is not None
     assert alone.discrepancy.posterior.at_its_limit
     motion = alone.screen.motion
@@ -64,7 +64,7 @@ def test_what_leaves_most_of_the_error_is_not_the_answer() -> None:
 
 
 @pytest.mark.long
-def test_a_gap_is_tried_alone_before_a_gap_with_another_effect() -> None:
+def test_backlash_is_tried_alone_before_it_is_tried_with_others() -> None:
     """Only one chaotic set is followed at a time; beside a stop the gap with an eccentric encoder promised most."""
     found = diagnose(drawn(326).log, candidates=["end_stop", "backlash", "encoder_eccentricity"])
     assert found.verdict == "named"

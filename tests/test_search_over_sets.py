@@ -11,7 +11,7 @@ import pytest
 from machine import Follower, Machine, excitation, record, wandering_reference
 
 from diagnosis import Diagnosis, diagnose
-from diagnosis.evidence.fitted_sets import Explored, fitted
+from diagnosis.evidence.fitted_sets import FittedSets, fitted
 from diagnosis.evidence.larger_sets import Trial, _try_held, proposals, rise, try_sets
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.proposals import Proposal
@@ -48,10 +48,12 @@ def test_an_effect_found_early_is_compared_again() -> None:
     log = log_of(10000, torque_offset={"torque": 0.15}, input_delay={"time": 0.005})
     found = diagnose(log, candidates=["torque_offset", "input_delay", "sensor_lag"])
     assert found.verdict == "ambiguous"
-    odds = {cause.effect: {cause.effect: cause.probability, **dict(cause.alternatives)} for cause in found.causes}
-    (late,) = (shares for name, shares in odds.items() if name != "torque_offset")
+    probabilities = {
+        cause.effect: {cause.effect: cause.probability, **dict(cause.alternatives)} for cause in found.causes
+    }
+    (late,) = (shares for name, shares in probabilities.items() if name != "torque_offset")
     assert min(late["input_delay"], late["sensor_lag"]) > 0.1
-    assert odds["torque_offset"]["torque_offset"] > 0.999
+    assert probabilities["torque_offset"]["torque_offset"] > 0.999
 
 
 @pytest.mark.long
@@ -94,26 +96,26 @@ def test_what_is_missing_is_named_on_an_arm_that_could_fall() -> None:
     assert cause.parameters["torque"].value == pytest.approx(1.0, rel=1e-3)
 
 
-def explored(log: Log) -> Explored:
+def explored(log: Log) -> FittedSets:
     """A search before its first step."""
     null = fit(log)
     families = families_along(null)
     assert families is not None
-    return Explored(null=null, effects=dict(catalogue), tell=lambda line: None, families=families)
+    return FittedSets(null=null, effects=dict(catalogue), tell=lambda line: None, families=families)
 
 
 def test_a_fit_sees_what_a_linear_promise_does_not() -> None:
     """Behind the fast observer that the base model needs, the offset promises less than nothing and brings most."""
     found = explored(arm_with_an_offset())
-    alone = found.weighed(found.null)
+    alone = found.explanation_of(found.null)
     assert alone is not None
     promised = {name: each.value for each in proposals(found, alone) for name in each.names if len(each.names) == 1}
     assert promised["torque_offset"] < 0.0 < max(promised.values())
     rise(found, alone, [alone])
     assert found.best.names == {"torque_offset"}
-    told: list[str] = []
-    explore(found.null, catalogue, told.append)
-    assert "torque_offset" in told[0].removeprefix("beside nothing: ").split("; ")
+    reported: list[str] = []
+    explore(found.null, catalogue, reported.append)
+    assert "torque_offset" in reported[0].removeprefix("beside nothing: ").split("; ")
 
 
 def test_each_set_is_judged_behind_the_observer_that_suits_it() -> None:
@@ -128,14 +130,14 @@ def test_each_set_is_judged_behind_the_observer_that_suits_it() -> None:
 
 
 @pytest.mark.long
-def test_the_base_model_alone_stays_behind_the_observer_of_a_gap() -> None:
+def test_the_base_model_alone_is_worse_with_observer_of_backlash() -> None:
     """Where all other sets are ruled out by their values it is what is left."""
     knocking = Machine().hiding(backlash={"gap": 0.02, "motor_share": 0.3}, coulomb_friction={"torque": 0.5})
     found = explored(record(knocking, excitation(12, duration=6.0), seed=12).log())
     friction = CoulombFriction(torque=0.5)
-    one = found.weighed(fitted(found.null, [found.null.model.with_effect(friction)], found.null.bandwidth))
+    one = found.explanation_of(fitted(found.null, [found.null.model.with_effect(friction)], found.null.bandwidth))
     assert one is not None
-    found.add([found.weighed(found.null), replace(one, log_marginal=np.inf)])  # the best so far
+    found.add([found.explanation_of(found.null), replace(one, log_marginal=np.inf)])  # the best so far
     (gap,) = (each for each in proposals(found, one) if each.names == {"backlash"})
     try_sets(found, [Trial(one, gap)])
     assert found.held
@@ -157,7 +159,7 @@ def test_what_is_softer_than_any_stop_gets_no_other_name():
 
 
 @pytest.mark.long
-def test_what_is_missing_beside_a_gap_is_found_and_nothing_else() -> None:
+def test_what_is_missing_beside_backlash_is_found_nothing_else() -> None:
     """The gap hid the offset, and the first to come along was named for a better gap that its refit had met."""
     hidden = {"backlash": {"gap": 0.005, "motor_share": 0.3}, "gravity_offset": {"beta": 0.17}}
     log = log_of(14002, **hidden)
@@ -190,7 +192,7 @@ def test_a_cable_that_gives_way_as_it_bends_is_refused() -> None:
 
 
 @pytest.mark.long
-def test_a_hardly_touched_end_stop_is_found_at_the_reversal() -> None:
+def test_a_barely_touched_end_stop_is_found_at_the_reversal() -> None:
     """Once, 3 mrad deep at the end of 37 rad: no start lay near it, and it was told a payload change for sure."""
     machine = Machine().hiding(end_stop={"angle": 19.8366, "stiffness": 30.0})
     log, validation = (
@@ -236,7 +238,7 @@ def test_a_chaotic_set_has_to_beat_those_that_have_a_fit_there(promise: float, h
         def fitted_with(self, fit: Any, proposal: Any, bandwidth: float, least: float) -> Any:
             return SimpleNamespace(model="gap", bandwidth=bandwidth, log_likelihood=1.0)
 
-        def weighed(self, fit: Any) -> Any:
+        def explanation_of(self, fit: Any) -> Any:
             value = self.values[fit.model]
             return None if value is None else explanation(fit.model, value)
 

@@ -63,7 +63,7 @@ def test_without_position_loop_torque_is_computed_once_a_step() -> None:
     assert operations(False) < 0.6 * operations(True)
 
 
-def test_the_code_of_a_step_stands_once_however_many_there_are() -> None:
+def test_the_code_of_a_step_occurs_once_however_many_there_are() -> None:
     model = ServoModel.paper().with_effect(catalogue["backlash"](**HIDDEN["backlash"]))
     sizes = []
     for substeps in (4, 40):

@@ -34,7 +34,7 @@ def test_a_reading_behind_a_lag_is_exact_under_a_steady_torque(time_constant: fl
 
 
 @pytest.mark.parametrize("h", [0.0, 1e-16, 1e-15, 1e-14, 1e-12])
-def test_a_step_of_hardly_any_length_keeps_the_reading(h: float) -> None:
+def test_a_step_of_almost_no_length_keeps_the_measurement(h: float) -> None:
     """As a switch of a delayed command leaves one: the way is rounding, which the lag over the step would magnify."""
     rng = np.random.default_rng(0)
     for x, v in rng.uniform(-50.0, 50.0, size=(500, 2)):

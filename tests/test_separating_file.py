@@ -17,8 +17,8 @@ def test_an_ambiguous_log_gets_the_experiment_that_settles_it(tmp_path) -> None:
     columns = {"time": late.time, "torque": late.command[:, 0], "angle": late.measured[:, 0]}
     pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
     out = tmp_path / "out"
-    spoken = antidrive("diagnose", tmp_path / "log.csv", "--out", out)
-    assert spoken.code == 0, spoken.err
+    result = antidrive("diagnose", tmp_path / "log.csv", "--out", out)
+    assert result.code == 0, result.err
     found = json.loads((out / "diagnosis.json").read_text())
     assert found["verdict"] == "ambiguous"
     named = found["causes"][0]
@@ -29,7 +29,7 @@ def test_an_ambiguous_log_gets_the_experiment_that_settles_it(tmp_path) -> None:
     assert list(played.columns) == ["time", "torque"]
     assert np.ptp(played["time"]) + entry["sample_time"] == pytest.approx(entry["duration"])
     assert played["torque"].abs().max() <= np.abs(columns["torque"]).max()
-    assert entry["file"] in spoken.out
+    assert entry["file"] in result.out
 
 
 def test_a_clear_log_gets_none(tmp_path) -> None:

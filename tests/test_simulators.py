@@ -141,7 +141,7 @@ def test_what_a_sensor_adds_is_listed_too():
     assert " -0" not in made.files["antidrive.xml"]
 
 
-def test_urdf_moves_as_what_it_can_say():
+def test_urdf_moves_as_what_it_can_describe():
     model = model_with(CoulombFriction(torque=0.3))
     here = simulate(model, command=COMMAND, dt=DT)[:-1, 0]
     there = in_urdf(model, COMMAND, DT)
@@ -210,8 +210,8 @@ def test_a_torque_without_its_scale_is_refused(unit, axis, said):
 )
 def test_the_command_writes_the_files(form, files, tmp_path):
     model, out = write_model(tmp_path / "model.json", TRUTH), tmp_path / "out"
-    spoken = antidrive("export", model, f"--{form}", "--out", out, "--json")
-    assert spoken.code == 0, spoken.err
-    assert sorted(listing(out)) == files == json.loads(spoken.out)["files"]
+    result = antidrive("export", model, f"--{form}", "--out", out, "--json")
+    assert result.code == 0, result.err
+    assert sorted(listing(out)) == files == json.loads(result.out)["files"]
     again = antidrive("export", model, f"--{form}", "--feedforward", "--out", out)
     assert (again.code, again.err.count("two exports")) == (2, 1)

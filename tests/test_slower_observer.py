@@ -40,7 +40,7 @@ def test_a_torque_that_drives_another_load_is_refused() -> None:
         diagnose(log, candidates=["cable_stiffness"])
 
 
-def test_a_load_that_does_not_move_is_told() -> None:
+def test_a_load_that_does_not_move_is_reported() -> None:
     noise = 1e-4 * np.random.default_rng(0).normal(size=2000)
     log = {"time": 0.005 * np.arange(2000), "torque": excitation(3, duration=10.0), "angle": noise}
     with pytest.raises(Unidentifiable, match="The load does not move"):

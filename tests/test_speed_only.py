@@ -101,7 +101,7 @@ def test_the_gain_is_that_of_the_stationary_filter():
     assert wandering[1:] == pytest.approx(observer_gain(bandwidth, np.array([dt])))
 
 
-def test_what_needs_the_angle_is_left_out_and_said():
+def test_what_needs_the_angle_is_left_out_and_reported():
     time, torque, velocity = spun(samples=400)
     log = Log.from_arrays(time=time, torque=torque, velocity=velocity)
     assert log.response == "velocity"

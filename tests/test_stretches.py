@@ -18,9 +18,9 @@ def test_short_logs_are_used_whole() -> None:
 def test_stretches_are_spread_over_all_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stretches, "LONGEST", 1000)
     log = Log.merge([record(Machine(), excitation(k, duration=10.0), seed=k).log() for k in (1, 2)])
-    short, said = stretches.stretches(log)
-    assert said is not None
-    assert said.startswith("The log has 4,000 samples. ")
+    short, notes = stretches.stretches(log)
+    assert notes is not None
+    assert notes.startswith("The log has 4,000 samples. ")
     assert 900 <= sum(map(len, short.runs)) <= 1000
     assert short.runs[0].time[0] == log.runs[0].time[0]
     assert short.runs[-1].time[-1] == log.runs[-1].time[-1]

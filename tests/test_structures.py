@@ -227,6 +227,6 @@ def test_a_pair_of_drives_for_each_joint_is_listed() -> None:
 
 
 @pytest.mark.parametrize(("n", "m"), [(0, 1), (4, 5), (2, 2), (2, 5)])
-def test_enumeration_says_its_range(n: int, m: int) -> None:
+def test_enumeration_reports_its_range(n: int, m: int) -> None:
     with pytest.raises(BadParameter):
         enumerate_admissible(n, m)

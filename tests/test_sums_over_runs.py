@@ -96,7 +96,7 @@ def test_a_run_in_pieces_is_the_run_in_one(long: Log, monkeypatch: pytest.Monkey
     assert not joined.innovations[PIECE - 30 : PIECE + 5].any()
 
 
-def test_runs_that_hold_the_same_share_what_they_say() -> None:
+def test_equal_runs_share_their_information() -> None:
     out = record(Machine(), np.column_stack([excitation(seed, duration=12.0) for seed in (1, 2)]))
     alone = fit(out.log(0), ServoModel.paper())
     both = fit(out.log_of_runs(), ServoModel.paper())

@@ -54,8 +54,8 @@ def test_two_controllers_link_into_one_program(tmp_path: Path) -> None:
             (tmp_path / file).write_text(text)
     (tmp_path / "both.c").write_text(BOTH)
     sources = ("elbow_controller.c", "wrist_controller.c", "both.c")
-    said = compiled(tmp_path, "gcc", *STRICT, *sources, "-o", "both", "-lm")
-    assert said.returncode == 0, said.stderr
+    result = compiled(tmp_path, "gcc", *STRICT, *sources, "-o", "both", "-lm")
+    assert result.returncode == 0, result.stderr
     *torques, most, other = map(float, compiled(tmp_path, "./both").stdout.split())
     expected = []
     for one in designs().values():
@@ -75,8 +75,8 @@ def test_the_code_is_valid_as_cpp_and_hands_out_the_same_torques(single: bool, t
     for name, text in files.items():
         (tmp_path / "cpp" / name).write_text(text)
     strict = ("-x", "c++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-O2")
-    said = compiled(tmp_path / "cpp", "g++", *strict, "antidrive_controller.c", "driver.c", "-o", "program", "-lm")
-    assert said.returncode == 0, said.stderr
+    result = compiled(tmp_path / "cpp", "g++", *strict, "antidrive_controller.c", "driver.c", "-o", "program", "-lm")
+    assert result.returncode == 0, result.stderr
     again, _ = played(tmp_path / "cpp" / "program", lines)
     np.testing.assert_allclose(again, torques, rtol=1e-4 if single else 0.0)
 
@@ -85,9 +85,9 @@ def test_the_code_is_valid_as_cpp_and_hands_out_the_same_torques(single: bool, t
 def test_fast_math_is_refused_by_the_compiler(flag: str, tmp_path: Path) -> None:
     for name, text in export(designs()["elbow"]).files.items():
         (tmp_path / name).write_text(text)
-    said = compiled(tmp_path, "gcc", flag, "-c", "antidrive_controller.c")
-    assert said.returncode != 0
-    assert "without -ffast-math" in said.stderr
+    result = compiled(tmp_path, "gcc", flag, "-c", "antidrive_controller.c")
+    assert result.returncode != 0
+    assert "without -ffast-math" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -104,8 +104,8 @@ def test_an_fmu_refuses_what_python_refuses(
 
 def test_fmus_of_several_machines_have_names_of_their_own(tmp_path: Path) -> None:
     model = write_model(tmp_path / "model.json", MODELS["rigid"])
-    said = antidrive("export", model, "--fmu", "--name", "elbow", "--out", tmp_path / "out")
-    assert said.code == 0, said.err
+    result = antidrive("export", model, "--fmu", "--name", "elbow", "--out", tmp_path / "out")
+    assert result.code == 0, result.err
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["elbow_controller.fmu", "elbow_plant.fmu"]
     slave = Slave(controller_fmu(designs()["elbow"], name="elbow"), tmp_path / "slave")
     assert slave.description.coSimulation.modelIdentifier == "elbow_controller"
@@ -122,15 +122,15 @@ def test_sample_time_and_gears_come_from_the_log_or_are_reported(tmp_path: Path)
     known = ModelFile(model=MODELS["rigid"], std={}, sample_time=0.004, gears=PAPER)
     known.write(tmp_path / "known.json")
     assert read_model(tmp_path / "known.json").gears == PAPER.__class__(pinion_teeth=(20, 20), follower_teeth=161)
-    said = antidrive("export", tmp_path / "known.json", "--out", tmp_path / "known")
-    assert said.code == 0, said.err
-    assert "Sample time 0.004 s, that of the model's log." in said.out
-    assert "Drives 20,20:161, as the log of the model was read." in said.out
+    result = antidrive("export", tmp_path / "known.json", "--out", tmp_path / "known")
+    assert result.code == 0, result.err
+    assert "Sample time 0.004 s, that of the model's log." in result.out
+    assert "Drives 20,20:161, as the log of the model was read." in result.out
     assert "#define ANTIDRIVE_SAMPLE_TIME 0.004 " in (tmp_path / "known" / "antidrive_controller.h").read_text()
     by_hand = write_model(tmp_path / "by-hand.json", ServoModel(inertia=2.0))
-    said = antidrive("export", by_hand, "--out", tmp_path / "by-hand")
-    assert "Assumed: a sample time of 0.005 s" in said.out
-    assert "Assumed: the gears 20,20:161 of the paper" in said.out
+    result = antidrive("export", by_hand, "--out", tmp_path / "by-hand")
+    assert "Assumed: a sample time of 0.005 s" in result.out
+    assert "Assumed: the gears 20,20:161 of the paper" in result.out
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_sample_time_and_gears_come_from_the_log_or_are_reported(tmp_path: Path)
         ({"sample_time": 0.001}, "Even the usual step does NOT FIT into a sample of 1000 us"),
     ],
 )
-def test_what_does_not_fit_into_a_sample_is_said(options: dict[str, float], words: str) -> None:
+def test_what_does_not_fit_into_a_sample_is_reported(options: dict[str, float], words: str) -> None:
     made = export(Controller(MODELS["rigid"], PAPER, horizon=30, bandwidth=4.0, **options))
     assert words in made.sentences()[-1]
     assert made.summary()["fits"] == {"usual": "usual step fits" in words, "worst": False}

@@ -59,9 +59,9 @@ def on_a_terminal(*words: str, code: int = 0, **variables: str) -> str:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_has_examples_that_parse(name):
-    spoken = antidrive(name, "--help")
+    result = antidrive(name, "--help")
     for line in EXAMPLES[name]:
-        assert line in " ".join(spoken.out.split())
+        assert line in " ".join(result.out.split())
         program, command, *words = shlex.split(line.split(" > ")[0])
         assert (program, command) == ("antidrive", name)
         COMMANDS[name].make_context(name, words)
@@ -70,16 +70,18 @@ def test_help_has_examples_that_parse(name):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_keeps_the_units(name):
     """Between brackets, small letters would be taken for a style, and left out."""
-    told = " ".join(antidrive(name, "--help").out.replace("│", " ").split())
+    reported = " ".join(antidrive(name, "--help").out.replace("│", " ").split())
     for option in COMMANDS[name].params:
-        assert " ".join((option.help or "").split()) in told
+        assert " ".join((option.help or "").split()) in reported
 
 
 def test_help_groups_the_commands():
     assert [name for names in GROUPS.values() for name in names] == list(COMMANDS)
-    told = antidrive("--help").out
-    assert [told.index(f" {title} ") for title in GROUPS] == sorted(told.index(f" {title} ") for title in GROUPS)
-    assert "Exit code 0" in told
+    reported = antidrive("--help").out
+    assert [reported.index(f" {title} ") for title in GROUPS] == sorted(
+        reported.index(f" {title} ") for title in GROUPS
+    )
+    assert "Exit code 0" in reported
 
 
 @pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in COMMANDS)], ids=" ".join)
@@ -91,11 +93,11 @@ def test_help_fits_80_columns(words, monkeypatch):
 
 def test_tables_fit_80_columns(monkeypatch, tmp_path):
     monkeypatch.setattr("antidrive.gallery.gallery_page", lambda *_, **__: "")
-    for spoken in (antidrive("effects", "--out", tmp_path / "out"), antidrive("allocate", "-0.12345", "9", "1e3")):
-        assert spoken.code == 0, spoken.err
-        table = [line for line in spoken.out.splitlines() if not line.startswith("Written")]
+    for result in (antidrive("effects", "--out", tmp_path / "out"), antidrive("allocate", "-0.12345", "9", "1e3")):
+        assert result.code == 0, result.err
+        table = [line for line in result.out.splitlines() if not line.startswith("Written")]
         assert max(map(len, table)) <= 80
-    assert "out of reach" in spoken.out
+    assert "out of reach" in result.out
 
 
 @pytest.mark.parametrize(
@@ -110,7 +112,7 @@ def test_prose_fits_80_columns_of_a_terminal(words, code, tmp_path):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_speaks_json(name):
+def test_every_command_writes_json(name):
     assert any("--json" in option.opts for option in COMMANDS[name].params)
 
 
@@ -218,45 +220,45 @@ def test_a_long_line_leaves_room_for_the_time_left():
     assert len(line) <= 80
 
 
-def test_an_experiment_that_takes_long_tells_how_far_it_is(tmp_path):
+def test_an_experiment_that_takes_long_reports_how_far_it_is(tmp_path):
     for kind in KINDS.values():
         assert ("tell" in inspect.signature(kind.run).parameters) == kind.long
     text = scenario_text("dwell").replace("[0.05, 0.15, 0.3]", "[2.0]").replace("[0.29e-3, 1.16e-3, 4.65e-3]", "[1e-3]")
     (tmp_path / "short.toml").write_text(text)
-    told: list[str] = []
-    read_scenario_file(str(tmp_path / "short.toml")).run(None, 0, told.append)
-    assert told == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
+    reported: list[str] = []
+    read_scenario_file(str(tmp_path / "short.toml")).run(None, 0, reported.append)
+    assert reported == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
 
 
 @pytest.mark.parametrize("more", ["", "compare_single_drive = true", "[drive_loss]\ndrive = 1\ntime = 0.4"])
-def test_a_closed_loop_tells_how_far_it_is(tmp_path, more):
+def test_a_closed_loop_reports_how_far_it_is(tmp_path, more):
     text = 'duration = 0.8\nsample_time = 0.005\nreference = { kind = "constant", level = 0.1 }\n'
     (tmp_path / "short.toml").write_text(text + more)
-    told: list[str] = []
-    read_scenario_file(str(tmp_path / "short.toml")).run(None, 0, told.append)
-    assert told == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
+    reported: list[str] = []
+    read_scenario_file(str(tmp_path / "short.toml")).run(None, 0, reported.append)
+    assert reported == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
 
 
-def test_reading_and_predicting_tell_how_far_they_are(tmp_path):
-    count, told = 500, []
+def test_reading_and_predicting_report_how_far_they_are(tmp_path):
+    count, reported = 500, []
     time_axis = 0.01 * np.arange(count)
     table = pd.DataFrame({"time": time_axis, "torque": np.sin(time_axis), "angle": 0.1 * np.sin(time_axis)})
     table.to_csv(tmp_path / "log.csv", index=False)
     table.iloc[:-1].to_csv(tmp_path / "held.csv", index=False)
-    log = LogOptions(files=(tmp_path / "log.csv",), holdout=(tmp_path / "held.csv",)).read(told.append).log
-    assert told == [f"reading, {share} of 100 parts are done" for share in (25, 50, 75, 100)]
-    del told[:]
-    write_prediction(tmp_path / "p.csv", log, PLAIN, window=1.0, tell=told.append)
-    assert told == [f"predicting, {share} of 100 parts are done" for share in (16, 32, 48, 64, 80, 100)]
+    log = LogOptions(files=(tmp_path / "log.csv",), holdout=(tmp_path / "held.csv",)).read(reported.append).log
+    assert reported == [f"reading, {share} of 100 parts are done" for share in (25, 50, 75, 100)]
+    del reported[:]
+    write_prediction(tmp_path / "p.csv", log, PLAIN, window=1.0, tell=reported.append)
+    assert reported == [f"predicting, {share} of 100 parts are done" for share in (16, 32, 48, 64, 80, 100)]
 
 
-def test_an_export_tells_how_far_it_is(tmp_path, monkeypatch):
+def test_an_export_reports_how_far_it_is(tmp_path, monkeypatch):
     libraries = {"linux64": ("cc",), "darwin64": ("cc",)}
     monkeypatch.setattr("plant.fmu.Fmu.compilers", lambda self: libraries)
     monkeypatch.setattr("plant.fmu.Fmu._library", lambda self, command: b"")
-    told: list[str] = []
-    exports.fmus(Controller(PLAIN, GearTrain.paper()), PLAIN, tmp_path, told.append)
-    assert told == [f"compiling the FMUs, {share} of 100 parts are done" for share in (25, 50, 75, 100)]
+    reported: list[str] = []
+    exports.fmus(Controller(PLAIN, GearTrain.paper()), PLAIN, tmp_path, reported.append)
+    assert reported == [f"compiling the FMUs, {share} of 100 parts are done" for share in (25, 50, 75, 100)]
 
 
 def test_progress_is_shown_where_somebody_watches(monkeypatch):
@@ -266,7 +268,7 @@ def test_progress_is_shown_where_somebody_watches(monkeypatch):
 
     screen = Terminal()
     monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setattr(remaining_time, "_WORTH_TELLING", 0.0)
+    monkeypatch.setattr(remaining_time, "_LEAST_ELAPSED", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     with Console().progress("diagnosing [log]") as tell:
         time.sleep(0.2)
@@ -283,15 +285,15 @@ def test_progress_is_shown_where_somebody_watches(monkeypatch):
 @pytest.mark.parametrize("json", [False, True])
 def test_where_there_is_no_terminal_a_line_comes_now_and_then(json, monkeypatch, capsys):
     monkeypatch.setattr(console, "_BETWEEN", 0.1)
-    monkeypatch.setattr(remaining_time, "_WORTH_TELLING", 0.0)
+    monkeypatch.setattr(remaining_time, "_LEAST_ELAPSED", 0.0)
     with Console(json=json).progress("diagnosing") as tell:
         tell("round 1: asking 23 effects")
         time.sleep(0.35)
     time.sleep(0.2)
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert 2 <= len(said.err.splitlines()) <= 3
-    assert set(said.err.splitlines()) == {"antidrive: round 1: asking 23 effects (0 s)"}
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert 2 <= len(printed.err.splitlines()) <= 3
+    assert set(printed.err.splitlines()) == {"antidrive: round 1: asking 23 effects (0 s)"}
     with Console(quiet=True, json=json).progress("diagnosing") as tell:
         assert tell is None
         time.sleep(0.2)

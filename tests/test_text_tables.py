@@ -105,7 +105,7 @@ def test_names_that_are_units_too_are_names(tmp_path):
     assert read.units == {"t": "s", "u": "V", "m": "rad"}
 
 
-def test_types_and_descriptions_below_the_names_are_told(tmp_path):
+def test_types_and_descriptions_below_the_names_are_reported(tmp_path):
     read = table(tmp_path, NAMES + "REAL64,REAL64,REAL64,REAL64\n" + rows())
     same(read)
     assert read.notes == ("log.csv: line 2 is skipped, as there are no names, units or numbers",)
@@ -142,7 +142,7 @@ def test_files_one_after_the_other(tmp_path):
     assert read.where(60) == "log.csv, row 64 (line 67)"
 
 
-def test_a_wrong_cell_is_told_by_its_line_also_below_blank_lines(tmp_path):
+def test_a_wrong_cell_is_reported_by_its_line_below_blank_lines(tmp_path):
     lines = (NAMES + rows()).splitlines()
     lines[40] = "0.2,oops,0.1,0.1,9"
     with pytest.raises(MalformedLog, match="line 81: 5 cells where the names give 4"):
@@ -231,7 +231,7 @@ def test_names_with_blanks_above_columns_with_blanks(tmp_path):
     same(read, ("Time (s)", "Motor torque", "Angle (deg)", "Speed"))
 
 
-def test_a_header_that_says_where_it_ends(tmp_path):
+def test_a_header_that_states_where_it_ends(tmp_path):
     """LabVIEW: what is above looks like data, and the rows lack the cell of the comments."""
     end = "***End_of_Header***\t\t\t\n"
     units = "X_Dimension\tTime\tTime\tTime\nDate\t2019/03/01\t2019/03/01\t1\t1\nX0\t0.0\t0.0\t0\t0\n"

@@ -20,7 +20,7 @@ from plant.effects import ActuatorLag, Backlash, Compliance, PayloadChange, Pres
 from plant.effects.effect import POSITIVE, parameters_of
 
 TORQUE, TIME = 1e-4, 0.05  # of the small servo over the large one's: half a second of samples 0.25 ms apart
-RIVALS = ["backlash", "compliance", "input_delay", "actuator_lag"]
+ALTERNATIVES = ["backlash", "compliance", "input_delay", "actuator_lag"]
 SIZES = {"compliance": 0.34}
 
 
@@ -35,7 +35,7 @@ def test_the_drivetrain_of_a_small_servo_is_named(case: Hidden) -> None:
     """Once no swing above 1000 rad/s was looked for: a spring then was nothing at all."""
     size = SIZES[case.effect]
     log, held_out = (smaller(log) for log in logs_of(case.machine(size), seed=12, duration=10.0))
-    found = diagnose(log, None, held_out, candidates=RIVALS)
+    found = diagnose(log, None, held_out, candidates=ALTERNATIVES)
     (cause,) = found.causes
     assert (found.verdict, cause.effect) == ("named", case.effect)
     assert "flank_frequency" not in cause.parameters  # it is stated, and no finding
@@ -53,7 +53,7 @@ def test_the_drivetrain_of_a_small_servo_is_named(case: Hidden) -> None:
         (ActuatorLag, "time_constant", {0.005: (POSITIVE, pytest.approx(0.4))}),
     ],
 )
-def test_what_a_log_can_tell_has_bounds(kind: type, name: str, expected: dict[float, tuple[float, float]]) -> None:
+def test_what_a_log_can_determine_has_bounds(kind: type, name: str, expected: dict[float, tuple[float, float]]) -> None:
     (spec,) = (spec for spec in parameters_of(kind) if spec.name == name)
     for sample_time, bounds in expected.items():
         assert spec.bounds(3.0, 7.0, sample_time) == bounds
@@ -90,7 +90,7 @@ def test_the_steps_of_integration_follow_the_fastest_swing(
 
 @pytest.mark.parametrize(("factor", "vanishes"), [(0.5e-4, True), (2e-4, False), (0.5, False), (2.0, True)])
 @pytest.mark.parametrize(("sample_time", "second"), [(0.02, 4.0), (0.005, 1.0), (0.00025, 0.05)])
-def test_a_travel_to_slide_is_told_from_none_at_any_speed(
+def test_a_travel_to_slide_differs_from_none_at_any_speed(
     factor: float, vanishes: bool, sample_time: float, second: float
 ) -> None:
     speed, torque = 3.0, 0.2

@@ -57,7 +57,7 @@ def test_samples_that_were_taken_unevenly_keep_their_times(seed):
     assert found.log.repairs == ()
 
 
-def test_even_stamps_and_a_wandering_clock_are_not_asked():
+def test_even_stamps_and_a_drifting_clock_are_left_alone():
     log = record(Machine(), excitation(2, duration=20.0), seed=1, noise=NOISE).log()
     assert evenly_timed(log) is log
     (run,) = log.runs
@@ -66,11 +66,11 @@ def test_even_stamps_and_a_wandering_clock_are_not_asked():
     assert evenly_timed(wandering) is wandering
 
 
-@pytest.mark.parametrize(("by", "asked"), [(0.014, False), (0.021, True)])
-def test_scatter_that_cannot_matter_is_let_be(by, asked):
+@pytest.mark.parametrize(("by", "estimated"), [(0.014, False), (0.021, True)])
+def test_scatter_that_cannot_matter_is_let_be(by, estimated):
     """Half a hundredth of a sample is little: uniform over 0.0173 samples."""
     log = stamped_late(1, by=by, duration=10.0)
-    assert (evenly_timed(log) is not log) == asked
+    assert (evenly_timed(log) is not log) == estimated
 
 
 def test_two_stamps_at_one_place_of_the_clock_are_no_scatter():

@@ -156,7 +156,7 @@ def test_a_counter_that_passes_its_end_goes_on(tmp_path, heading, bits, tick):
     ticks = np.round(SOUND["time"] / tick).astype(np.int64) + 2**bits - round(1.0 / tick)
     log = Log.read(csv(tmp_path, ticks % 2**bits, heading))
     even(log)
-    assert any(f"passes the end of its {bits} bits" in told for told in log.warnings)
+    assert any(f"passes the end of its {bits} bits" in reported for reported in log.warnings)
 
 
 def test_a_time_that_begins_anew_is_no_counter_at_its_end(tmp_path):

@@ -32,7 +32,7 @@ def parameters(log):
     return np.array([model.inertia, model.gravity, model.viscous_friction])
 
 
-def test_a_log_of_two_rates_tells_the_same_as_one_of_one_rate(fast):
+def test_a_log_of_two_rates_gives_the_same_as_one_of_one_rate(fast):
     one = parameters(Log.from_arrays(**fast))
     empty = Log.from_arrays(**fast | {"angle": between(fast["angle"])})
     held = Log.from_arrays(**fast | {"angle": np.repeat(fast["angle"][::SLOW], SLOW)})

@@ -31,7 +31,7 @@ def tight_loop(angle_zero: float, disturbance: float) -> Log:
     return Log.from_arrays(time=TIME, torque=torque, angle=angle + noise)
 
 
-def test_a_torque_that_the_model_does_not_explain_is_said() -> None:
+def test_a_torque_that_the_model_does_not_explain_is_reported() -> None:
     log = tight_loop(0.0, 0.3)
     heavy = replace(fit(log), model=ServoModel(inertia=60.0, gravity=0.0))  # goes on as the load does
     warning = unexplained_torque(heavy)
@@ -41,8 +41,8 @@ def test_a_torque_that_the_model_does_not_explain_is_said() -> None:
     assert regression.inertia == pytest.approx(0.6, rel=0.15)  # the disturbance is a third of the accelerating torque
     assert regression.gravity == pytest.approx(30.0, rel=0.1)
     assert regression.coulomb_friction >= 0.0
-    (told,) = re.findall(r"inertia ([\d.]+) kg m\^2, gravity", warning)
-    assert float(told) == pytest.approx(0.6, rel=0.15)
+    (inertia_text,) = re.findall(r"inertia ([\d.]+) kg m\^2, gravity", warning)
+    assert float(inertia_text) == pytest.approx(0.6, rel=0.15)
     noise = np.random.default_rng(1).normal(size=TIME.size)
     other = Log.from_arrays(time=TIME, torque=20.0 * noise, angle=log.runs[0].output)
     assert unexplained_torque(replace(heavy, log=other)) is None  # nothing explains this torque
@@ -82,7 +82,7 @@ def test_what_does_not_explain_the_torque_leaves_no_verdict(monkeypatch: pytest.
     assert (found.verdict, "absurd" in found.warnings, "worse" in found.warnings) == ("unknown", True, False)
 
 
-def test_of_an_amplifier_that_drops_out_the_size_is_told() -> None:
+def test_of_an_amplifier_that_drops_out_the_size_is_reported() -> None:
     """No smooth function follows the drop-outs; what is unexplained is the torque that is missing."""
     command = excitation(5, duration=20.0)
     cut = np.arange(command.size) % 340 < 16
@@ -95,7 +95,7 @@ def test_of_an_amplifier_that_drops_out_the_size_is_told() -> None:
     assert 0.3 * lost < found.unknown.share < 3.0 * lost
 
 
-def test_an_extension_that_spoils_the_feedforward_is_said() -> None:
+def test_an_extension_that_spoils_the_feedforward_is_reported() -> None:
     log, right = tight_loop(0.0, 0.0), ServoModel(inertia=0.6, gravity=30.0, viscous_friction=1.5)
     wrong = right.with_effect(GravityOffset(beta=10.0))
     spoilt = torque_predicted_worse(inverse_errors(log, log, right, wrong))

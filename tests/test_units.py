@@ -59,7 +59,7 @@ def late() -> tuple[Log, Diagnosis]:
 
 
 @pytest.mark.parametrize("units", [Units(torque=1e3), Units(angle=1e-3), Units(time=1e-3), Units(time=1e3)], ids=str)
-def test_the_odds_of_rivals_are_the_same_in_other_units(units: Units, late: tuple[Log, Diagnosis]) -> None:
+def test_posterior_odds_are_the_same_in_other_units(units: Units, late: tuple[Log, Diagnosis]) -> None:
     log, here = late
     there = diagnose(units.log(log), candidates=LATE)
     assert max(differences(here, there, units), key=lambda found: found[1])[1] < 1e-6

@@ -53,7 +53,7 @@ def test_a_curve_has_to_predict_better() -> None:
     assert again.gain.held_out_rms_after <= again.gain.held_out_rms_before
 
 
-def test_what_was_excluded_is_told_under_no_other_name() -> None:
+def test_what_was_excluded_is_reported_under_no_other_name() -> None:
     """Coulomb friction is a special case of both candidates; as it is excluded, the answer is unknown over velocity."""
     log = log_of(coulomb_friction={"torque": 0.3})
     found = diagnose(log, candidates=["asymmetric_friction", "stribeck_friction"])
@@ -66,7 +66,7 @@ def test_what_was_excluded_is_told_under_no_other_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("hidden", "near", "variable", "carried", "formula"),
+    ("hidden", "near", "variable", "nonparametric", "formula"),
     [
         (
             {"quadratic_drag": {"drag": 0.03}},
@@ -87,7 +87,7 @@ def test_what_was_excluded_is_told_under_no_other_name() -> None:
     ids=["drag", "cable"],
 )
 def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
-    hidden: dict[str, dict[str, float]], near: tuple[str, ...] | None, variable: str, carried: str, formula: str
+    hidden: dict[str, dict[str, float]], near: tuple[str, ...] | None, variable: str, nonparametric: str, formula: str
 ) -> None:
     """One beside the whole catalogue; for time the others beside those of it that stand near."""
     (name,) = hidden
@@ -96,10 +96,10 @@ def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
     assert found.verdict == "unknown"
     assert found.causes == ()
     assert found.unexplained.depends_on[0] == variable
-    assert carried in [effect.name for effect in found.model.effects]
-    told = diagnose(log, candidates=[name])
-    assert [cause.effect for cause in told.causes] == [name]
-    assert found.gain.cut > 0.9 * told.gain.cut
+    assert nonparametric in [effect.name for effect in found.model.effects]
+    with_name = diagnose(log, candidates=[name])
+    assert [cause.effect for cause in with_name.causes] == [name]
+    assert found.gain.cut > 0.9 * with_name.gain.cut
     assert any(re.search(formula, warning) for warning in found.warnings)
 
 
@@ -114,7 +114,7 @@ def test_of_what_the_catalogue_lacks_only_a_true_part_is_sure() -> None:
     assert sure <= {"coulomb_friction", "torque_offset"}
 
 
-def test_an_error_of_the_measurement_without_a_name_is_told() -> None:
+def test_an_error_of_the_measurement_without_a_name_is_reported() -> None:
     """No torque is missing then; a random load that an observer follows would do as well for a simulation."""
     log = log_of(encoder_eccentricity={"amplitude": 0.003, "order": 1.0, "phase": 0.4})
     found = diagnose(log, candidates=["coulomb_friction", "torque_offset"])
@@ -141,14 +141,14 @@ def test_true_effects_are_compared_if_curves_are_not_far_better() -> None:
     hidden = {**CABLE, "coulomb_friction": {"torque": 0.3}}
     rough = load_fluctuation(3, 0.02, (6000, 1), correlation_time=0.02)
     log = record(Machine().hiding(**hidden), excitation(1, duration=30.0), load_torque=rough).log()
-    told: list[str] = []
-    found = diagnose(log, candidates=list(hidden), progress=told.append)
+    reported: list[str] = []
+    found = diagnose(log, candidates=list(hidden), progress=reported.append)
     assert found.base.bandwidth > 0.0
     assert {cause.effect for cause in found.causes} == set(hidden)
 
 
 @pytest.mark.long
-def test_a_law_of_two_variables_is_carried_without_a_sure_name() -> None:
+def test_a_law_of_two_variables_is_nonparametric_without_a_cause() -> None:
     """Friction that grows with the load, where only dry friction of one size may be named."""
     machine = Machine().hiding(load_dependent_friction={"coefficient": 0.1})
     log, held_out = (
@@ -181,7 +181,7 @@ def test_variables_have_the_names_of_the_axis() -> None:
     assert {effects_over(name, "rotary") for name in over} == over
 
 
-def test_a_clean_log_carries_no_curve() -> None:
+def test_a_clean_log_gets_no_nonparametric_curve() -> None:
     found = diagnose(log_of())
     assert found.verdict == "nothing_missing"
     assert [effect.name for effect in found.model.effects] == ["dead_zone"]
@@ -262,7 +262,7 @@ def test_friction_that_varies_over_the_turn_has_no_sure_name() -> None:
 
 
 @pytest.mark.long
-def test_a_ripple_of_three_waves_is_told_by_its_waves() -> None:
+def test_a_ripple_of_three_waves_is_identified_by_its_waves() -> None:
     """No single wave of the catalogue is as likely; each is found to a hundredth of its size."""
     log, validation = simulated(RippleOverAngle(rate=7.0, s1=0.1, c2=0.1, c3=0.1))
     found = diagnose(log, None, validation)
@@ -313,7 +313,7 @@ def test_what_is_viscous_stays_so_whatever_speeds_were_seen(ends: tuple[float, f
 
 
 @pytest.mark.parametrize("mirrored", [1.0, -1.0])
-def test_speeds_seen_in_one_direction_only_tell_of_the_other(mirrored: float) -> None:
+def test_speeds_seen_in_one_direction_count_for_the_other(mirrored: float) -> None:
     """A held-out log may be as fast backward as the fit's was forward: a straight line is far from a cubic there."""
     low, high = sorted((-0.7 * mirrored, 3.7 * mirrored))
     knots = [float(knot) for knot in CurveOverVelocity.knots(low, high)]
@@ -392,8 +392,8 @@ class Windage(Effect):
 
 def test_an_effect_of_ones_own_takes_part() -> None:
     found = diagnose(log_of(quadratic_drag={"drag": 0.03}), candidates=["coulomb_friction", Windage])
-    told = {*(name for each in found.sets for name in each.effects), *(each.effect for each in found.rejected)}
-    assert told == {"windage", "coulomb_friction"}
+    considered = {*(name for each in found.sets for name in each.effects), *(each.effect for each in found.rejected)}
+    assert considered == {"windage", "coulomb_friction"}
     assert any("windage" in each.effects for each in found.sets)
 
 

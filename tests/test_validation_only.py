@@ -86,12 +86,12 @@ def test_the_worst_window_is_where_it_happens() -> None:
 
 
 def test_what_happens_there_alone_is_learnt_from() -> None:
-    told = list[str]()
-    found = diagnose(late(), candidates=("end_stop", "coulomb_friction", "cogging"), progress=told.append)
+    reported = list[str]()
+    found = diagnose(late(), candidates=("end_stop", "coulomb_friction", "cogging"), progress=reported.append)
     assert [cause.effect for cause in found.causes] == ["end_stop"]
     assert found.only_in_validation is None
-    (said,) = [line for line in found.warnings if "So that part is used for estimation" in line]
-    assert said in told
+    (warning,) = [line for line in found.warnings if "So that part is used for estimation" in line]
+    assert warning in reported
     assert "Validation data: the first 30 % of the only run, until 5.995 s." in found.warnings
 
 
@@ -106,7 +106,7 @@ def test_validation_data_that_somebody_chose_stay_what_they_are() -> None:
     assert found.base.log.runs[0].output.size == estimation.runs[0].output.size
 
 
-def test_a_changed_machine_is_told_as_such() -> None:
+def test_a_changed_machine_is_reported_as_such() -> None:
     runs = log_of(1, Machine()), log_of(2, replace(Machine(), inertia=2.5))
     both = replace(runs[0], runs=(runs[0].runs[0], replace(runs[1].runs[0], label="later")))
     found = diagnose(both, candidates=("coulomb_friction",))
@@ -115,7 +115,7 @@ def test_a_changed_machine_is_told_as_such() -> None:
     assert any("inertia" in line and "instead of" in line for line in found.warnings)
 
 
-def test_what_is_named_stands_beside_a_smaller_change() -> None:
+def test_what_is_named_is_kept_beside_a_smaller_change() -> None:
     friction = Machine().hiding(coulomb_friction={"torque": 0.5})
     log, later = log_of(1, friction), log_of(2, replace(friction, inertia=2.1))
     found = diagnose(log, holdout=later, candidates=("coulomb_friction",))

@@ -21,8 +21,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 
 def test_command_and_package_report_the_project_version():
     assert __version__ == PROJECT["version"]
-    spoken = antidrive("--version")
-    assert (spoken.code, spoken.out, spoken.err) == (0, f"antidrive {PROJECT['version']}\n", "")
+    result = antidrive("--version")
+    assert (result.code, result.out, result.err) == (0, f"antidrive {PROJECT['version']}\n", "")
 
 
 def test_the_version_is_known_installed_uninstalled_and_copied(monkeypatch, tmp_path):

@@ -25,7 +25,7 @@ def test_a_model_may_be_the_path_of_its_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "message"),
     [
         (lambda: fit(LOG, 3), "This needs a model"),
         (lambda: diagnose(LOG, candidates="cogging"), "candidates is one text; give a list"),
@@ -46,7 +46,7 @@ def test_a_model_may_be_the_path_of_its_file(tmp_path: Path) -> None:
         (lambda: ad.compare(3, LOG), "This needs a model"),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(call, told: str) -> None:
-    with pytest.raises(BadParameter, match=told) as caught:
+def test_a_mistake_ends_in_one_sentence(call, message: str) -> None:
+    with pytest.raises(BadParameter, match=message) as caught:
         call()
     assert "\n" not in str(caught.value)

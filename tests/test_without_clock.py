@@ -41,7 +41,7 @@ EXAMPLES = [
 
 
 @pytest.mark.parametrize("effect", EXAMPLES, ids=lambda effect: effect.name)
-def test_an_effect_says_whether_it_reads_the_clock(effect: Effect) -> None:
+def test_an_effect_declares_whether_it_reads_the_clock(effect: Effect) -> None:
     time, angle, velocity = (ca.SX.sym(name) for name in ("time", "angle", "velocity"))
     at = Moment(time=time, angle=angle, velocity=velocity, torque=1.0, step=0.005)
     laws = [effect.load_torque(at, 0.0), effect.added_inertia(at), *(effect.dry_friction(at) or ())]
@@ -59,7 +59,7 @@ def test_a_payload_becomes_part_of_the_load(model: ServoModel) -> None:
     assert same == pytest.approx(moved, abs=1e-9)
 
 
-def test_the_motor_before_a_gap_keeps_its_inertia() -> None:
+def test_the_motor_before_backlash_keeps_its_inertia() -> None:
     model = RIGID.with_effect(Backlash(gap=0.02, motor_share=0.3)).with_effect(PAYLOAD).without_clock()
     gap = model.effect("backlash")
     assert isinstance(gap, Backlash)
@@ -109,13 +109,13 @@ class Leak(Effect):
         return rest.with_effect(TorqueOffset(torque=self.level))
 
 
-def test_an_effect_of_ones_own_says_what_it_leaves() -> None:
+def test_an_effect_of_ones_own_declares_what_it_leaves() -> None:
     assert RIGID.with_effect(Leak(level=0.2)).without_clock() == RIGID.with_effect(TorqueOffset(torque=0.2))
 
 
 def test_the_controller_keeps_no_clock() -> None:
     found = RIGID.with_effect(PAYLOAD).with_effect(HUM).with_effect(COURSE)
     now = ServoModel(inertia=2.7, gravity=0.8, viscous_friction=0.8)
-    mine, told = (Controller(model, GearTrain.paper()) for model in (found, now))
+    mine, theirs = (Controller(model, GearTrain.paper()) for model in (found, now))
     for angle in np.linspace(0.0, 0.02, 5):
-        assert mine.step(angle, 0.05).torques == pytest.approx(told.step(angle, 0.05).torques, abs=1e-12)
+        assert mine.step(angle, 0.05).torques == pytest.approx(theirs.step(angle, 0.05).torques, abs=1e-12)

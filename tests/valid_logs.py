@@ -129,16 +129,26 @@ def draw(count: int, seed: int) -> Drawn:
             angle = angle + h * velocity
             motor = np.where(soft, motor + h * speed, angle)
     measures = rng.random(count) < 0.4  # the torque is a reading, not a command
-    told = np.where(measures, torque, sent[:SAMPLES])
-    told = told + some(0.5, log(0.003, 0.1)) * told.std(axis=0) * rng.standard_normal(told.shape)
+    measured_torque = np.where(measures, torque, sent[:SAMPLES])
+    measured_torque = measured_torque + some(0.5, log(0.003, 0.1)) * measured_torque.std(axis=0) * rng.standard_normal(
+        measured_torque.shape
+    )
     ratio = log(1.0, 20.0)
     pair, part, opposed = rng.random(count) < 0.2, rng.uniform(0.3, 0.7, count), rng.random(count) < 0.5
-    preload = log(0.05, 2.0) * told.std(axis=0) * (1 + 0.1 * _wandering(rng, count))
-    first = np.where(opposed, np.maximum(told, 0.0), part * told) + preload  # each on its own flank, or both on both
-    torques = np.stack([first, told - first], axis=2) / ratio[:, None]
-    torques += 0.01 * told.std(axis=0)[:, None] / ratio[:, None] * rng.standard_normal(torques.shape)
+    preload = log(0.05, 2.0) * measured_torque.std(axis=0) * (1 + 0.1 * _wandering(rng, count))
+    first = (
+        np.where(opposed, np.maximum(measured_torque, 0.0), part * measured_torque) + preload
+    )  # each on its own flank, or both on both
+    torques = np.stack([first, measured_torque - first], axis=2) / ratio[:, None]
+    torques += 0.01 * measured_torque.std(axis=0)[:, None] / ratio[:, None] * rng.standard_normal(torques.shape)
     return Drawn(
-        kind=kind, sample_time=dt, torque=told, angle=measured + offset, torques=torques, ratio=ratio, pair=pair
+        kind=kind,
+        sample_time=dt,
+        torque=measured_torque,
+        angle=measured + offset,
+        torques=torques,
+        ratio=ratio,
+        pair=pair,
     )
 
 

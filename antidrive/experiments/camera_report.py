@@ -71,7 +71,7 @@ def sentences_of(settings: CameraSettings, found: Tracked) -> Outcome:
     best, kept = min(LAWS, key=lambda law: overall[law]), [law for law in LAWS[1:] if least[law] > 0.0]
     return Outcome(
         title=settings.title,
-        said=(
+        results=(
             f"A camera of {settings.payload_mass:g} kg follows {settings.targets} targets of each kind over "
             f"{settings.span:g} rad for {settings.duration:g} s. The image measures the angle "
             f"with {MICRO * settings.picture_noise:.0f} µrad of noise. The motor encoders are finer, but the backlash "

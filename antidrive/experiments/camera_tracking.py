@@ -83,13 +83,13 @@ class CameraSettings:
     def machine(self, drives: tuple[int, ...]) -> Rig:
         """The rig with its payload; the camera is the load's encoder."""
         bare = Rig.paper_like(**{**self.rig, "drives": drives})
-        carried = {
+        numbers = {
             "inertia": bare.inertia + self.payload_mass * self.payload_arm**2,
             "gravity": bare.gravity + self.payload_mass * GRAVITY * self.payload_arm,
             "encoder_counts": round(2.0 * np.pi / self.pixel),
             "encoder_noise": self.picture_noise,
         }
-        return Rig.paper_like(**{**self.rig, **carried, "drives": drives})
+        return Rig.paper_like(**{**self.rig, **numbers, "drives": drives})
 
     def paths(self, ahead: int, seed: int) -> dict[tuple[str, int], Array]:
         """(T + ahead,) angle of each target [rad], by kind and number."""
@@ -137,8 +137,8 @@ def experiment(settings: CameraSettings, seed: int, tell: Tell | None = None) ->
     laws, friction = _sized(settings, pair, paths)
     parts = Parts(len(LAWS) * round(settings.duration / settings.sample_time), tell)
     loops = {
-        drives: _followed(settings, drives, laws, friction, ways, paths, seed, parts)
-        for drives, ways in (((2,), (ONE,)), ((1, 2), LAWS[1:]))
+        drives: _followed(settings, drives, laws, friction, laws_of_drives, paths, seed, parts)
+        for drives, laws_of_drives in (((2,), (ONE,)), ((1, 2), LAWS[1:]))
     }
     merged = {name: np.concatenate([loop[name] for loop in loops.values()]) for name in loops[1, 2]}
     shape = (len(LAWS), len(TARGETS), settings.targets)
@@ -157,12 +157,12 @@ def _sized(
     settings: CameraSettings, rig: Rig, paths: Mapping[tuple[str, int], Array]
 ) -> tuple[PreloadLaws, dict[str, float]]:
     """The laws for the torques of the targets, and the dry friction with each of them [N m]."""
-    rubs = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
+    friction = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
     model, torques, accelerations = rigid_model(rig), [], []
     for path in paths.values():
         rate = np.gradient(path, settings.sample_time)
         accelerations.append(np.gradient(rate, settings.sample_time))
-        load = model.gravity * np.cos(path) + model.viscous_friction * rate + rubs * np.sign(rate)
+        load = model.gravity * np.cos(path) + model.viscous_friction * rate + friction * np.sign(rate)
         torques.append(model.inertia * accelerations[-1] + load)
     torque, acceleration = np.concatenate(torques), np.concatenate(accelerations)
     bounds = Bounds(
@@ -175,7 +175,7 @@ def _sized(
     laws, planned = PreloadLaws.for_demand(bounds, torque, acceleration), least_effort(bounds, torque, acceleration)
     shares = {law: np.abs(laws.split(law, torque, planned)).sum(axis=1) for law in LAWS}
     passed = {law: float(np.mean(share) * rig.gears.mesh_ratios[0]) for law, share in shares.items()}
-    return laws, {law: rubs + rig.mesh_friction * each for law, each in passed.items()}
+    return laws, {law: friction + rig.mesh_friction * each for law, each in passed.items()}
 
 
 def _controller(settings: CameraSettings, rig: Rig, model: ServoModel) -> Controller:
@@ -201,14 +201,14 @@ def _followed(
     drives: tuple[int, ...],
     laws: PreloadLaws,
     friction: Mapping[str, float],
-    ways: Sequence[str],
+    laws_of_drives: Sequence[str],
     paths: Mapping[tuple[str, int], Array],
     seed: int,
     parts: Parts,
 ) -> dict[str, Array]:
     """All targets with some laws at once, cases in the order of laws, kinds and numbers."""
     rig = settings.machine(drives)
-    cases = list(product(ways, paths))
+    cases = list(product(laws_of_drives, paths))
     fleet, count = Fleet([rig] * len(cases)), round(settings.duration / settings.sample_time)
     model = rigid_model(rig)
     controllers = [
@@ -231,13 +231,13 @@ def _followed(
             at_motors = None if controller.motor_resolution is None else motors[i]
             planned[i] = controller.step(float(seen[i]), foreseen[i], at_motors).torques
         torque = rig.gears.follower_torque(planned)
-        for w, law in enumerate(ways):
+        for w, law in enumerate(laws_of_drives):
             own = slice(w * length, (w + 1) * length)
             pinions[own, k] = laws.split(law, torque[own], planned[own])
         state = fleet.advance(state, pinions[:, k], settings.sample_time)
         if late[k]:
             least = np.minimum(least, fleet.least_flank_torques(state).min(axis=1))
-        parts.done(len(ways))
+        parts.done(len(laws_of_drives))
     error = angle - wanted[:, :count]
     return {
         "rms": np.sqrt(np.mean(error[:, late] ** 2, axis=1)),

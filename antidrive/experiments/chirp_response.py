@@ -151,17 +151,17 @@ def run(settings: ChirpSettings, seed: int) -> Outcome:
     found = experiment(settings, seed)
     of_paper, of_found = found.fit_percent(found.paper), found.fit_percent(found.found)
     of_rubbing, rig = found.fit_percent(found.rubbing), settings.machine()
-    rubs = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
+    friction = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
     J, alpha, K = (float(value) for value in found.model.values)
     order = np.polyfit(np.log(found.steps), np.log(found.difference), 1)[0] if found.steps.size > 1 else float("nan")
     return Outcome(
         title=settings.title,
-        said=(
+        results=(
             "With the same chirp, eq. (4) with the paper's J = 2, alpha = 0.5, K = 0.8 fits the test bench to "
             f"{of_paper:.1f} %. With numbers found on another sweep, J = {J:.3f}, alpha = {alpha:.3f}, K = {K:.3f}, it "
             f"fits to {of_found:.1f} %. The paper shows a picture and gives no number.",
             f"The remaining error is dry friction: with {found.friction:.3f} N m of it in the model the fit is "
-            f"{of_rubbing:.2f} %. The simulated motors have {rubs:.3f} N m. "
+            f"{of_rubbing:.2f} %. The simulated motors have {friction:.3f} N m. "
             f"Contact was {'lost' if found.contact_lost else 'never lost'}.",
             f"Equation (5) differs from eq. (4) by at most {', '.join(f'{d:.2g}' for d in found.difference)} rad at "
             f"sample times of {', '.join(f'{1e3 * s:g}' for s in found.steps)} ms. The error grows with the sample "
@@ -184,7 +184,7 @@ def run(settings: ChirpSettings, seed: int) -> Outcome:
             "fit_percent_found": of_found,
             "fit_percent_dry_friction": of_rubbing,
             "dry_friction": found.friction,
-            "true_dry_friction": rubs,
+            "true_dry_friction": friction,
             "inertia": J,
             "gravity": alpha,
             "viscous_friction": K,

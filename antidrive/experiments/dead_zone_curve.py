@@ -62,7 +62,7 @@ class DeadZoneSettings:
     def machines(self) -> list[Rig]:
         """A rig for each backlash, with drive 2 alone."""
         held = {**self.rig, "coulomb_friction": self.brake, "drives": (2,)}
-        return [Rig.paper_like(**{**held, "backlash": gap}) for gap in self.gaps]
+        return [Rig.paper_like(**{**held, "backlash": backlash}) for backlash in self.gaps]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,10 +70,10 @@ class DeadZoneCurves:
     """Curves of B machines over T samples, and values measured from them.
 
     Attributes:
-        time, told: (T,) [s], commanded torque of the drive, at the follower [N m].
+        time, commanded: (T,) [s], commanded torque of the drive, at the follower [N m].
         twist: (T, B) motor angle at the load side less load angle, by the encoders [rad].
         passed: (T, B) torque transmitted by the teeth [N m].
-        true_gap, gap: (B,) backlash [rad].
+        actual, backlash: (B,) backlash [rad].
         true_friction, friction: (B,) half width of the dead zone in torque [N m].
         stiffness: (B,) of the gear contact [N m/rad].
         rate: of the torque [N m/s].
@@ -82,11 +82,11 @@ class DeadZoneCurves:
     """
 
     time: Array
-    told: Array
+    commanded: Array
     twist: Array
     passed: Array
-    true_gap: Array
-    gap: Array
+    actual: Array
+    backlash: Array
     true_friction: Array
     friction: Array
     stiffness: Array
@@ -101,37 +101,37 @@ def experiment(settings: DeadZoneSettings, seed: int) -> DeadZoneCurves:
     On the flanks, with torque D and the direction s of its change, twist = offset + sign(D) gap/2 + (D - s f)/k.
     """
     rigs = settings.machines()
-    told = triangle(
+    commanded = triangle(
         amplitude=settings.amplitude,
         frequency=settings.frequency,
         duration=settings.duration,
         sample_time=settings.sample_time,
     )
-    pinion = np.repeat(told[:, None, None] / rigs[0].torque_map, len(rigs), axis=1)
+    pinion = np.repeat(commanded[:, None, None] / rigs[0].torque_map, len(rigs), axis=1)
     played = Fleet(rigs).run(pinion, settings.sample_time, range(seed, seed + len(rigs)))
     to_load = rigs[0].gears.pre_reductions[0] * rigs[0].torque_map[0]
     twist = played.motor_angles[:, :, 0] / to_load - played.angle
     # a measurement at a sample corresponds to the torque held until then
-    before, direction = np.roll(told, 1), np.sign(np.roll(told, 1) - np.roll(told, 2))
-    settled = np.arange(told.size) * settings.sample_time > 0.25 / settings.frequency
+    before, direction = np.roll(commanded, 1), np.sign(np.roll(commanded, 1) - np.roll(commanded, 2))
+    settled = np.arange(commanded.size) * settings.sample_time > 0.25 / settings.frequency
     use = settled & (np.abs(before) > ON_A_FLANK * settings.amplitude) & (direction != 0.0)
-    columns = np.column_stack((np.ones(told.size), 0.5 * np.sign(before), before, -direction))[use]
-    _, gap, give, lag = np.linalg.lstsq(columns, twist[use], rcond=None)[0]
+    columns = np.column_stack((np.ones(commanded.size), 0.5 * np.sign(before), before, -direction))[use]
+    _, backlash, give, lag = np.linalg.lstsq(columns, twist[use], rcond=None)[0]
     passed, rate = played.flank_torques[:, :, 0], 4.0 * settings.amplitude * settings.frequency
-    gaps = np.array(settings.gaps)
+    backlashes = np.array(settings.gaps)
     return DeadZoneCurves(
         time=played.time,
-        told=before,
+        commanded=before,
         twist=twist,
         passed=passed,
-        true_gap=gaps,
-        gap=gap,
+        actual=backlashes,
+        backlash=backlash,
         true_friction=np.array([rig.motor_coulomb * rig.motor_ratios[0] for rig in rigs]),
         friction=lag / give,
         stiffness=1.0 / give,
         rate=rate,
         crossing=settings.sample_time * np.array([_empty_samples(column[settled]) for column in passed.T]),
-        flight=np.cbrt(6.0 * rigs[0].rotor_inertias[0] * gaps / rate),
+        flight=np.cbrt(6.0 * rigs[0].rotor_inertias[0] * backlashes / rate),
     )
 
 
@@ -145,9 +145,9 @@ def _empty_samples(passed: Array) -> float:
 def run(settings: DeadZoneSettings, seed: int) -> Outcome:
     """Measure figure 6, and report it."""
     found = experiment(settings, seed)
-    error = found.gap / found.true_gap - 1.0
+    error = found.backlash / found.actual - 1.0
     cycle = found.time >= found.time[-1] - 1.0 / settings.frequency
-    names = [f"backlash {1e3 * gap:g} mrad" for gap in found.true_gap]
+    names = [f"backlash {1e3 * backlash:g} mrad" for backlash in found.actual]
     coloured = [(k, name, COLOURS[k % len(COLOURS)]) for k, name in enumerate(names)]
     rig = settings.machines()[0]
     count = 2.0 * np.pi / rig.motor_encoder_counts / rig.motor_ratios[0] * rig.flank_stiffness
@@ -155,8 +155,8 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
     near = np.abs(found.time - reversal) < max(0.15, 3.0 * np.max(found.flight))
     return Outcome(
         title=settings.title,
-        said=(
-            f"Backlash of {_list(1e3 * found.true_gap, '.4g')} mrad is measured as {_list(1e3 * found.gap, '.4g')} "
+        results=(
+            f"Backlash of {_list(1e3 * found.actual, '.4g')} mrad is measured as {_list(1e3 * found.backlash, '.4g')} "
             f"mrad, from the encoders alone: the largest error is {100 * np.max(np.abs(error)):.2g} %.",
             "Equation (6) puts the dead zone into the torque. The simulated torque is smaller as well, by "
             f"{found.true_friction[0]:.3f} N m, but that is the motor's friction and does not grow with the backlash "
@@ -168,15 +168,15 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
         comparison=(
             ("half width gamma [N m]", "0.5 (put into the model)", f"{found.true_friction[0]:.4f} (motor friction)"),
             *(
-                (f"backlash of {1e3 * true:g} mrad [mrad]", "", f"{1e3 * gap:.4f} ({100 * off:+.2f} %)")
-                for true, gap, off in zip(found.true_gap, found.gap, error, strict=True)
+                (f"backlash of {1e3 * true:g} mrad [mrad]", "", f"{1e3 * backlash:.4f} ({100 * off:+.2f} %)")
+                for true, backlash, off in zip(found.actual, found.backlash, error, strict=True)
             ),
             ("time without torque at a reversal [ms]", "", _list(1e3 * found.crossing, ".0f")),
             ("mesh stiffness [N m/rad]", "", _list(found.stiffness, ".4g")),
         ),
         found={
-            "true_gaps": found.true_gap.tolist(),
-            "gaps": found.gap.tolist(),
+            "true_gaps": found.actual.tolist(),
+            "gaps": found.backlash.tolist(),
             "largest_relative_error": float(np.max(np.abs(error))),
             "torque_dead_zones": found.friction.tolist(),
             "true_torque_dead_zone": float(found.true_friction[0]),
@@ -186,7 +186,7 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
         },
         columns={
             "time": found.time,
-            "torque": found.told,
+            "torque": found.commanded,
             **{f"twist_{k + 1}": found.twist[:, k] for k in range(len(names))},
             **{f"passed_torque_{k + 1}": found.passed[:, k] for k in range(len(names))},
         },
@@ -197,7 +197,10 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
                 y="torque [N m]",
                 curves=[
                     *(_true_curve(found, k, settings.amplitude) for k in range(len(names))),
-                    *(Curve(name=n, colour=c, x=found.twist[cycle, k], y=found.told[cycle]) for k, n, c in coloured),
+                    *(
+                        Curve(name=n, colour=c, x=found.twist[cycle, k], y=found.commanded[cycle])
+                        for k, n, c in coloured
+                    ),
                 ],
             ),
             Picture(
@@ -211,7 +214,7 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
 
 
 def _true_curve(found: DeadZoneCurves, machine: int, amplitude: float) -> Curve:
-    half, reach = found.true_gap[machine] / 2, amplitude / found.stiffness[machine]
+    half, reach = found.actual[machine] / 2, amplitude / found.stiffness[machine]
     return Curve(
         name="true",
         colour=MEASURED,

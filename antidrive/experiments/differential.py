@@ -83,9 +83,9 @@ class DifferentialSettings:
             raise BadParameter(f"rig.{min(named)} is given by gaps and bits here.")
         self.machine(self.gaps[0], int(self.bits[0]))
 
-    def machine(self, gap: float, bits: int) -> Rig:
+    def machine(self, backlash: float, bits: int) -> Rig:
         """A rig with a backlash [rad] and encoders of some bits."""
-        changes = {**self.rig, "backlash": gap, "encoder_counts": 2**bits, "motor_encoder_counts": 2**bits}
+        changes = {**self.rig, "backlash": backlash, "encoder_counts": 2**bits, "motor_encoder_counts": 2**bits}
         return Rig.paper_like(**changes)
 
     def sweep(self) -> Sweep:
@@ -151,16 +151,16 @@ class Differential:
 
 def experiment(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> Differential:
     """Sweep the preload of all machines, then move one of them in common mode."""
-    plans = [(int(bits), gap, settings.creep) for gap in settings.gaps for bits in settings.bits]
+    plans = [(int(bits), backlash, settings.creep) for backlash in settings.gaps for bits in settings.bits]
     plans += [(int(bits), min(settings.gaps), 0.0) for bits in settings.bits]
-    rigs = [settings.machine(gap, bits) for bits, gap, _ in plans]
+    rigs = [settings.machine(backlash, bits) for bits, backlash, _ in plans]
     sweep = settings.sweep().preload().size  # in samples of the sweep; a fit takes as long as 100 to 700 of them
     parts = Parts(sweep * (1.0 + len(plans) / 60 + len(settings.preloads) / 9), tell)
     creep = [speed for *_, speed in plans]
     logs = logs_of(Fleet(rigs), settings.sweep(), creep=creep, seed=seed, parts=parts)
     cases = [
-        Case(bits=bits, gap=gap, found=lost_motion(log, rig.gears))
-        for (bits, gap, _), log, rig in zip(plans, logs, rigs, strict=True)
+        Case(bits=bits, gap=backlash, found=lost_motion(log, rig.gears))
+        for (bits, backlash, _), log, rig in zip(plans, logs, rigs, strict=True)
     ]
     moving = len(cases) - len(settings.bits)
     return Differential(

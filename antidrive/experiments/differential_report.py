@@ -22,7 +22,7 @@ def run(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> 
     """Run both modes and report them."""
     found = experiment(settings, seed, tell)
     preloads = np.array(settings.preloads)
-    moving, rubbed = _common(found.common), found.friction(preloads)
+    moving, friction = _common(found.common), found.friction(preloads)
     worst = max(found.cases, key=lambda case: abs(case.error))
     rough = max(found.standing, key=lambda case: case.std)
     drive = found.best.found.drives[0]
@@ -30,7 +30,7 @@ def run(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> 
     scores = np.array([case.error / case.std for case in found.cases])
     return Outcome(
         title=settings.title,
-        said=(
+        results=(
             f"Backlash from {min(settings.gaps) / ARCMIN:.3g} to {max(settings.gaps) / ARCMIN:.3g} arcmin is measured "
             f"in {duration:g} s at standstill, from motor and load encoders of {min(settings.bits):g} to "
             f"{max(settings.bits):g} bits: an error of {100 * abs(worst.error):.2g} % at most, for "
@@ -49,7 +49,7 @@ def run(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> 
             f"{moving['viscous_friction'][0]:.4f} under the least preload (true: {found.rig.total_inertia:.4f}, "
             f"{found.rig.gravity:.4f}, {_viscous(found):.4f}). Its dry friction under {_list(preloads, 'g')} N m of "
             f"preload is {_list(moving['coulomb_friction.torque'])} N m; from the differential mode follows "
-            f"{_list(rubbed)} N m.",
+            f"{_list(friction)} N m.",
         ),
         comparison=(
             *(_row(case, "") for case in found.cases),
@@ -66,7 +66,7 @@ def run(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> 
             "friction_coefficient": _both(drive.friction_coefficient),
             "common_mode": {name: values.tolist() for name, values in moving.items()},
             "preloads": preloads.tolist(),
-            "friction_by_differential_mode": rubbed.tolist(),
+            "friction_by_differential_mode": friction.tolist(),
         },
         columns=_columns(found),
         pictures=(_twist(settings, found), _errors(settings, found), _friction(found, preloads, moving)),
@@ -93,8 +93,8 @@ def _common(fits: list[Fit]) -> dict[str, Array]:
 
 
 def _row(case: Case, how: str) -> tuple[str, str, str]:
-    told = f"{100 * case.error:+.2f} ± {100 * case.std:.2g}"
-    return f"{case.gap / ARCMIN:.3g} arcmin, {case.bits} bits{how} [% off]", "", told
+    text = f"{100 * case.error:+.2f} ± {100 * case.std:.2g}"
+    return f"{case.gap / ARCMIN:.3g} arcmin, {case.bits} bits{how} [% off]", "", text
 
 
 def _both(line: Measured) -> dict[str, float]:
@@ -147,12 +147,12 @@ def _errors(settings: DifferentialSettings, found: Differential) -> Picture:
     curves = []
     for k, bits in enumerate(settings.bits):
         cases = [case for case in found.cases if case.bits == bits]
-        gaps = np.log10([case.gap / ARCMIN for case in cases])
+        log_backlash = np.log10([case.gap / ARCMIN for case in cases])
         colour = COLOURS[k % len(COLOURS)]
         std = np.log10([100.0 * case.std for case in cases])
         error = np.log10([max(100.0 * abs(case.error), 1e-4) for case in cases])
-        curves.append(Curve(name=f"{bits:g} bits, standard error", colour=colour, x=gaps, y=std))
-        curves.append(Curve(name=f"{bits:g} bits, error", colour=colour, x=gaps, y=error, points=True))
+        curves.append(Curve(name=f"{bits:g} bits, standard error", colour=colour, x=log_backlash, y=std))
+        curves.append(Curve(name=f"{bits:g} bits, error", colour=colour, x=log_backlash, y=error, points=True))
     return Picture(
         caption="Error of the backlash and its standard error, in powers of ten.",
         x="log10 of the backlash [arcmin]",

@@ -101,8 +101,8 @@ class Losses:
         rms, intact: (D, M, R) root mean square of the error after the loss, and without it [rad].
         peak, intact_peak: (D, M, R) its greatest magnitude [rad].
         final: (D, M, R) mean error of the last 20 samples [rad].
-        said: whether the status reports the loss of backlash control in every sample from the detection on, and in none
-            before.
+        stated: whether the status reports the loss of backlash control in every sample from the detection on, and in
+            none before.
         kept: (D, M, R) whether contact was kept until the loss.
         parted: (D, M, R) whether the remaining drive lost contact after it.
         time, reference: (T,) [s], [rad].
@@ -116,7 +116,7 @@ class Losses:
     peak: Array
     intact_peak: Array
     final: Array
-    said: bool
+    stated: bool
     kept: Array
     parted: Array
     time: Array
@@ -133,7 +133,7 @@ def experiment(settings: LossSettings, seed: int, tell: Tell | None = None) -> L
     shape = (2, moments.size, settings.runs)
     names = ("rms", "intact", "peak", "intact_peak", "final")
     numbers, flags = {name: np.empty(shape) for name in names}, np.empty((2, *shape), dtype=bool)
-    said, errors = True, np.empty((moments.size, time.size))
+    stated, errors = True, np.empty((moments.size, time.size))
     parts = Parts(2 * moments.size * settings.runs, tell)
     for d, m, r in product(*(range(size) for size in shape)):
         played = _played(settings, reference, d + 1, float(moments[m]), seed + r)
@@ -150,13 +150,13 @@ def experiment(settings: LossSettings, seed: int, tell: Tell | None = None) -> L
         for name, value in of_all.items():
             numbers[name][d, m, r] = value
         flags[:, d, m, r] = np.min(played.flank_torques[:first]) > 0.0, np.min(played.flank_torques[first:, 1 - d]) <= 0
-        said &= [KNOWN in status for status in played.status] == [k >= known for k in range(time.size)]
+        stated &= [KNOWN in status for status in played.status] == [k >= known for k in range(time.size)]
         errors[m] = error
         parts.done()
     return Losses(
         loss=moments,
         **numbers,
-        said=said,
+        stated=stated,
         kept=flags[0],
         parted=flags[1],
         time=time,
@@ -168,9 +168,9 @@ def experiment(settings: LossSettings, seed: int, tell: Tell | None = None) -> L
 
 def _played(settings: LossSettings, reference: Array, drive: int, time: float, seed: int) -> ClosedLoopResult:
     rig = settings.machine()
-    rubs = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
+    friction = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
     controller = Controller(
-        rigid_model(rig).with_effect(CoulombFriction(torque=rubs)),
+        rigid_model(rig).with_effect(CoulombFriction(torque=friction)),
         rig.gears,
         sample_time=settings.sample_time,
         min_torque=settings.min_torque,
@@ -221,7 +221,7 @@ def run(settings: LossSettings, seed: int, tell: Tell | None = None) -> Outcome:
     worst = max(cases, key=lambda case: case["largest_error_after_loss"])
     return Outcome(
         title=settings.title,
-        said=(
+        results=(
             f"One drive fails {', '.join(MOMENTS)}; the controller detects it after {1e3 * settings.detection:g} ms. "
             f"The motion continues. The final error is at most {np.max(np.abs(found.final)):.2g} rad.",
             f"After the loss the error is {growth.min():.2g} to {growth.max():.2g} times that of the same run without "
@@ -230,7 +230,7 @@ def run(settings: LossSettings, seed: int, tell: Tell | None = None) -> Outcome:
             f"loss it is {worst['largest_error_without_loss']:.2g} rad.",
             f"Before the loss contact was {'never lost' if found.kept.all() else 'lost'}; after it the remaining drive "
             f"loses contact in {np.mean(found.parted):.0%} of the runs. The status "
-            f"{'reports' if found.said else 'does not report'} in every sample after detection that backlash control "
+            f"{'reports' if found.stated else 'does not report'} in every sample after detection that backlash control "
             "is lost.",
         ),
         comparison=[
@@ -244,7 +244,7 @@ def run(settings: LossSettings, seed: int, tell: Tell | None = None) -> Outcome:
         ],
         found={
             "cases": cases,
-            "backlash_control_said_lost": found.said,
+            "backlash_control_said_lost": found.stated,
             "contact_kept_until_loss": bool(found.kept.all()),
             "contact_lost_share_after_loss": float(np.mean(found.parted)),
             "detection": settings.detection,

@@ -22,8 +22,8 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
     rows, numbers = [], []
     for f, frequency in enumerate(settings.frequencies):
         for s, strategy in enumerate(names):
-            told = " ".join(f"{count:.0f}" for count in found.samples[f, s])
-            rows.append((f"{strategy}, {frequency:g} Hz", "", f"{told}, {np.mean(found.heat[f, s]):.3g} N² m²"))
+            counts = " ".join(f"{count:.0f}" for count in found.samples[f, s])
+            rows.append((f"{strategy}, {frequency:g} Hz", "", f"{counts}, {np.mean(found.heat[f, s]):.3g} N² m²"))
             numbers.append(
                 {
                     "strategy": strategy,
@@ -52,7 +52,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
     )
     return Outcome(
         title=settings.title,
-        said=(
+        results=(
             f"Dwell is the greatest number of successive samples ({1e3 * settings.sample_time:.3g} ms) within "
             f"{settings.band:g} rad. It is compared with that of the same machine without backlash, because a "
             "reversal and dry friction cause dwell too.",

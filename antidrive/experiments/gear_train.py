@@ -139,7 +139,7 @@ def run(settings: GearTrainSettings, seed: int) -> Outcome:
     holding = settings.holding_torque * rig.gears.mesh_ratios[0]
     return Outcome(
         title=settings.title,
-        said=(
+        results=(
             f"The tooth counts give a reduction of {gears.ratio:.3f} to 1; {settings.motor_speed:g} rpm at the motor "
             f"are {np.rad2deg(speed):.1f} deg/s at the platform.",
             f"At {settings.supply_voltage:g} V both motors together stall at {2 * rig.stall_torques[0]:.3g} N m at the "

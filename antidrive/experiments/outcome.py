@@ -42,7 +42,7 @@ class Outcome:
 
     Attributes:
         title: for users.
-        said: results in sentences.
+        results: results in sentences.
         comparison: rows of quantity, the paper's value ("" if it gives none), and the result.
         found: the numbers of summary.json, SI units.
         columns: of trajectory.csv, all of one length.
@@ -50,7 +50,7 @@ class Outcome:
     """
 
     title: str
-    said: Sequence[str]
+    results: Sequence[str]
     comparison: Sequence[tuple[str, str, str]]
     found: Mapping[str, Any]
     columns: Mapping[str, Array]
@@ -58,7 +58,7 @@ class Outcome:
 
     def sentences(self) -> list[str]:
         """The results in sentences."""
-        return list(self.said)
+        return list(self.results)
 
     def summary(self) -> dict[str, Any]:
         """The numbers for JSON."""

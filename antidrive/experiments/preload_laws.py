@@ -53,11 +53,11 @@ class PreloadLaws:
         heat = float(np.mean(np.sum(least_effort(bounds, torque, acceleration) ** 2, axis=1)))
 
         def same_heat(law: Callable[[Array, float], Array]) -> float:
-            def excess(preload: float) -> float:
+            def surplus(preload: float) -> float:
                 torques = _split(bounds, torque, law(torque, preload))
                 return float(np.mean(np.sum(torques**2, axis=1))) - heat
 
-            return float(brentq(excess, 0.0, 2.0 * float(np.max(bounds.greatest))))
+            return float(brentq(surplus, 0.0, 2.0 * float(np.max(bounds.greatest))))
 
         return cls(
             bounds=bounds,

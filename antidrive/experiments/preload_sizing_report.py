@@ -20,7 +20,7 @@ def run(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Outcom
     rows = list(zip(found.meshes, found.noises, found.bandwidths, found.preload, found.least, strict=True))
     return Outcome(
         title=settings.title,
-        said=(
+        results=(
             f"At a greatest acceleration of {settings.peak_acceleration:g} rad/s^2 the formulas with T_min = 0 give "
             f"{equal:.1f} N m of preload where both motors share and each carries its own rotor, and {slave:.1f} "
             "N m with one constant torque.",
@@ -72,11 +72,11 @@ def run(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Outcom
                 for h, how in enumerate(("formula", "found"))
             },
         },
-        pictures=(_traces(found), *(_least(found, strategy) for strategy in range(len(STRATEGIES)))),
+        pictures=(_torque_figures(found), *(_least(found, strategy) for strategy in range(len(STRATEGIES)))),
     )
 
 
-def _traces(found: Sizing) -> Picture:
+def _torque_figures(found: Sizing) -> Picture:
     return Picture(
         caption="Minimum contact torque; where it is zero, contact is lost.",
         x="time [s]",

@@ -81,7 +81,9 @@ class DwellSettings:
 
     def machines(self, drives: tuple[int, ...]) -> list[Rig]:
         """A rig without backlash, and one for each backlash."""
-        return [Rig.paper_like(**{**self.rig, "drives": drives, "backlash": gap}) for gap in (0.0, *self.gaps)]
+        return [
+            Rig.paper_like(**{**self.rig, "drives": drives, "backlash": backlash}) for backlash in (0.0, *self.gaps)
+        ]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,13 +139,13 @@ def dwell(reading: Array, band: float) -> int:
 def experiment(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Dwell:
     """Simulate every motion with every strategy on every machine."""
     parts = Parts(len(settings.strategies) * sum(_ticks(settings, each) for each in settings.frequencies), tell)
-    plays = [
-        [_played(settings, frequency, way, seed, parts) for way in settings.strategies]
+    results = [
+        [_simulated(settings, frequency, way, seed, parts) for way in settings.strategies]
         for frequency in settings.frequencies
     ]
-    slowest = plays[int(np.argmin(settings.frequencies))]
+    slowest = results[int(np.argmin(settings.frequencies))]
     samples, error, least, heat = (
-        np.array([[play[name] for play in row] for row in plays]) for name in ("dwell", "error", "least", "heat")
+        np.array([[result[name] for result in row] for row in results]) for name in ("dwell", "error", "least", "heat")
     )
     time = np.arange(len(slowest[0]["angle"]), dtype=np.float64) * settings.sample_time
     return Dwell(
@@ -152,7 +154,7 @@ def experiment(settings: DwellSettings, seed: int, tell: Tell | None = None) -> 
         least=least,
         heat=heat,
         time=time,
-        angle=np.stack([play["angle"] for play in slowest], axis=1),
+        angle=np.stack([result["angle"] for result in slowest], axis=1),
         reference=settings.amplitude * (1.0 - np.cos(2.0 * np.pi * min(settings.frequencies) * time)),
     )
 
@@ -162,7 +164,7 @@ def _ticks(settings: DwellSettings, frequency: float) -> int:
     return round(PERIODS / frequency * TICKS / settings.sample_time)
 
 
-def _played(settings: DwellSettings, frequency: float, strategy: str, seed: int, parts: Parts) -> dict[str, Array]:
+def _simulated(settings: DwellSettings, frequency: float, strategy: str, seed: int, parts: Parts) -> dict[str, Array]:
     """One motion on all machines: PD control of the motors' mean angle, with feed-forward of model and friction."""
     fleet = Fleet(settings.machines((2,) if strategy == ONE else (1, 2)))
     rig, dt = fleet.rigs[0], settings.sample_time / TICKS

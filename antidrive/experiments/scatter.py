@@ -12,7 +12,7 @@ from antidrive.experiments.outcome import Outcome
 from diagnosis.explanation.wording import measured
 
 _NUMBER = re.compile(r"(?<![\w.^])[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?(?![\w.]*\d)")
-_SURE = re.compile(r"\s*(?:\+-|±)\s*")
+_PLUS_MINUS = re.compile(r"\s*(?:\+-|±)\s*")
 
 
 def with_scatter(runs: Sequence[Outcome]) -> Outcome:
@@ -20,15 +20,15 @@ def with_scatter(runs: Sequence[Outcome]) -> Outcome:
     first = runs[0]
     if len(runs) < 2:
         return first
-    said = [_scattered(lines) for lines in zip(*(run.said for run in runs), strict=True)]
+    sentences = [_scattered(lines) for lines in zip(*(run.results for run in runs), strict=True)]
     cells = zip(*([found for *_, found in run.comparison] for run in runs), strict=True)
     rows = [(name, paper, _scattered(each)) for (name, paper, _), each in zip(first.comparison, cells, strict=True)]
-    if [*said, *(cell for *_, cell in rows)] != [*first.said, *(cell for *_, cell in first.comparison)]:
-        said.append(
+    if [*sentences, *(cell for *_, cell in rows)] != [*first.results, *(cell for *_, cell in first.comparison)]:
+        sentences.append(
             f"± is the standard deviation over {len(runs)} runs with other noise; numbers without it are the same "
             "in all runs."
         )
-    return replace(first, said=said, comparison=rows)
+    return replace(first, results=sentences, comparison=rows)
 
 
 def _scattered(texts: Sequence[str]) -> str:
@@ -42,12 +42,12 @@ def _scattered(texts: Sequence[str]) -> str:
     parts, place = [], 0
     for found, *others in zip(*(_NUMBER.finditer(text) for text in texts), strict=True):
         values = [float(match[0]) for match in (found, *others)]
-        sure = _SURE.match(first, found.end()) or re.search(rf"{_SURE.pattern}$", first[: found.start()])
-        parts += [first[place : found.start()], found[0] if sure else _told(found[0], values)]
+        error = _PLUS_MINUS.match(first, found.end()) or re.search(rf"{_PLUS_MINUS.pattern}$", first[: found.start()])
+        parts += [first[place : found.start()], found[0] if error else _with_scatter(found[0], values)]
         place = found.end()
     return "".join([*parts, first[place:]])
 
 
-def _told(text: str, values: Sequence[float]) -> str:
+def _with_scatter(text: str, values: Sequence[float]) -> str:
     std = float(np.std(values, ddof=1))
     return f"{'+' if text.startswith('+') else ''}{measured(values[0], std)}" if std > 0.0 else text

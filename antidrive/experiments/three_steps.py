@@ -62,9 +62,9 @@ class ThreeStepsSettings:
 
     def model(self) -> ServoModel:
         """Equation (6)."""
-        gap = (DeadZone(half_width=self.dead_zone),)
+        effects = (DeadZone(half_width=self.dead_zone),)
         return ServoModel(
-            inertia=self.inertia, gravity=self.gravity, viscous_friction=self.viscous_friction, effects=gap
+            inertia=self.inertia, gravity=self.gravity, viscous_friction=self.viscous_friction, effects=effects
         )
 
 
@@ -160,12 +160,12 @@ def _table_fit(settings: ThreeStepsSettings) -> tuple[Array, Array]:
     printed = np.concatenate((settings.printed_angles, settings.printed_speeds))
 
     def misses(p: Array) -> Array:
-        alpha, friction, gap, instant = p
+        alpha, friction, half_width, instant = p
         tried = ServoModel(
             inertia=settings.inertia,
             gravity=alpha,
             viscous_friction=friction,
-            effects=(DeadZone(half_width=max(gap, 0.0)),),
+            effects=(DeadZone(half_width=max(half_width, 0.0)),),
         )
         steps = round(settings.instant / settings.sample_time)
         commands = (np.full(steps, torque) for torque in settings.torques)
@@ -225,7 +225,7 @@ def run(settings: ThreeStepsSettings, seed: int) -> Outcome:
     late = found.time > 0.7 * settings.duration
     return Outcome(
         title=settings.title,
-        said=(
+        results=(
             f"Equation (6), from rest at angle zero, has at {settings.instant:g} s the angles "
             f"{_list(found.angles, '.2f')} rad: the digits of the paper's “average angles in degrees”. The speeds "
             f"there are {_list(found.speeds, '.3f')} rad/s, within "

@@ -63,59 +63,59 @@ HOLD = {
 def alike(name: str, effects: Mapping[str, object], seen: Seen) -> tuple[tuple[str, ...], ...]:
     """The sets of effects that are equivalent to an effect on a log."""
     found = []
-    for true, told, _ in TABLE:
-        if true != name or any(one in effects for one in told):
+    for true, reported, _ in TABLE:
+        if true != name or any(one in effects for one in reported):
             continue
-        if told in HOLD.get(name, ()):
-            found.append(told)
+        if reported in HOLD.get(name, ()):
+            found.append(reported)
             continue
-        columns = [_columns(one, seen) for one in told]
+        columns = [_columns(one, seen) for one in reported]
         if all(c is not None for c in columns) and seen.visible(name, np.column_stack(columns)) < TELLING:  # type: ignore[arg-type]
-            found.append(told)
+            found.append(reported)
     return tuple(found)
 
 
 def left_out_with(name: str, alike_here: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
     """Effects to exclude, so that no candidate is equivalent to an effect."""
-    return tuple(dict.fromkeys((name, *(told[0] for told in alike_here))))
+    return tuple(dict.fromkeys((name, *(reported[0] for reported in alike_here))))
 
 
-def _columns(told: str, seen: Seen) -> Array | None:
+def _columns(given: str, seen: Seen) -> Array | None:
     """(T, m) regressors of an effect along a log, for several values of its nonlinear parameters."""
     b = seen.moved
     sign, x = np.sign(b.velocity), b.angle
-    bend = (x - x.mean()) / max(b.span, 1e-300)
-    if told in ("coulomb_friction", "load_dependent_friction"):
+    deflection = (x - x.mean()) / max(b.span, 1e-300)
+    if given in ("coulomb_friction", "load_dependent_friction"):
         return _dry(seen)[:, None]
-    if told == "asymmetric_friction":
+    if given == "asymmetric_friction":
         return np.column_stack((_dry(seen), np.ones(x.size), np.abs(b.velocity)))
-    if told == "stribeck_friction":
+    if given == "stribeck_friction":
         humps = [sign * np.exp(-((b.velocity / (share * b.speed)) ** 2)) for share in (0.05, 0.1, 0.2)]
         return np.column_stack((_dry(seen), *humps))
-    if told == "presliding_hysteresis":
+    if given == "presliding_hysteresis":
         return np.column_stack([_contact(seen, share * b.span) for share in (0.003, 0.01, 0.03)])
-    if told == "torque_offset":
+    if given == "torque_offset":
         return np.ones((x.size, 1))
-    if told == "gravity_offset":
+    if given == "gravity_offset":
         return np.sin(x)[:, None]
-    if told == "cable_stiffness":
-        return np.column_stack((np.ones(x.size), bend, bend**2, bend**3))
-    if told in ("cogging", "periodic_disturbance"):
-        return _waves(told, seen)
-    return _late(told, seen)
+    if given == "cable_stiffness":
+        return np.column_stack((np.ones(x.size), deflection, deflection**2, deflection**3))
+    if given in ("cogging", "periodic_disturbance"):
+        return _waves(given, seen)
+    return _late(given, seen)
 
 
 def _dry(seen: Seen) -> Array:
     """Dry friction of one level as it acted, or by the direction of motion."""
     asymmetric = seen.machine.effects.get("asymmetric_friction")
     if asymmetric:
-        return seen.worth["asymmetric_friction"] + 0.5 * (asymmetric["forward"] - asymmetric["backward"])
+        return seen.torques["asymmetric_friction"] + 0.5 * (asymmetric["forward"] - asymmetric["backward"])
     if "coulomb_friction" in seen.machine.effects:
-        return seen.worth["coulomb_friction"]
+        return seen.torques["coulomb_friction"]
     curve = seen.machine.effects.get("stribeck_friction")
     if curve:
         hump = np.exp(-((seen.moved.velocity / curve["velocity"]) ** 2))
-        return np.clip(seen.worth["stribeck_friction"] / (curve["coulomb"] + curve["excess"] * hump), -1.0, 1.0)
+        return np.clip(seen.torques["stribeck_friction"] / (curve["coulomb"] + curve["excess"] * hump), -1.0, 1.0)
     return np.asarray(-np.sign(seen.moved.velocity))
 
 
@@ -125,39 +125,39 @@ def _contact(seen: Seen, travel: float) -> Array:
     for angle in seen.by_run(seen.moved.angle):
         state, force = 0.0, np.empty(angle.size)
         steps = np.diff(angle, append=angle[-1])
-        decay, ways = np.exp(-np.abs(steps) / travel), np.sign(steps)
+        decay, directions = np.exp(-np.abs(steps) / travel), np.sign(steps)
         for k in range(angle.size):
-            state = ways[k] + (state - ways[k]) * decay[k] if ways[k] else state
+            state = directions[k] + (state - directions[k]) * decay[k] if directions[k] else state
             force[k] = -state
         parts.append(force)
     return np.concatenate(parts)
 
 
-def _waves(told: str, seen: Seen) -> Array | None:
+def _waves(given: str, seen: Seen) -> Array | None:
     """The wave over the angle, or over time, that is nearest to the hidden effect."""
     b, effects = seen.moved, seen.machine.effects
-    over = b.angle if told == "cogging" else b.time
-    if told == "cogging" and ("gravity_offset" in effects or "cable_stiffness" in effects):
+    over = b.angle if given == "cogging" else b.time
+    if given == "cogging" and ("gravity_offset" in effects or "cable_stiffness" in effects):
         orders = [1.0] if b.span > np.pi else [1.0, np.pi / b.span]
-    elif told == "cogging" and "encoder_eccentricity" in effects:
+    elif given == "cogging" and "encoder_eccentricity" in effects:
         orders = [effects["encoder_eccentricity"]["order"]]
     elif b.speed > 0.0 and float(np.std(b.velocity)) < 0.1 * b.speed:
         mean = float(np.mean(b.velocity))
-        other = effects["periodic_disturbance"]["frequency"] * 2.0 * np.pi if told == "cogging" else 0.0
-        orders = [other / mean if told == "cogging" else effects["cogging"]["order"] * mean]
+        other = effects["periodic_disturbance"]["frequency"] * 2.0 * np.pi if given == "cogging" else 0.0
+        orders = [other / mean if given == "cogging" else effects["cogging"]["order"] * mean]
     else:
         return None
     return np.column_stack([f(order * over) for order in orders for f in (np.sin, np.cos)])
 
 
-def _late(told: str, seen: Seen) -> Array | None:
+def _late(given: str, seen: Seen) -> Array | None:
     """Influence of a lag or a dead time on the torque, for several times."""
     effects, dt = seen.machine.effects, seen.moved.sample_time
-    if told not in ("input_delay", "actuator_lag", "sensor_lag"):
+    if given not in ("input_delay", "actuator_lag", "sensor_lag"):
         return None
     times = [0.1, 0.5, 1.0, 2.0, 4.0]
     own = [effects[name]["time_constant"] / dt for name in ("actuator_lag", "sensor_lag") if name in effects]
-    if told == "input_delay":
+    if given == "input_delay":
         return np.column_stack([_delayed(seen, time) for time in times])
     return np.column_stack([seen.lagged(time) for time in (*times, *own)])
 

@@ -28,15 +28,15 @@ class Seen:
         self.machine, self.moved = machine, moved
         self.torque_noise = float(np.hypot(torque_noise, FLOOR * moved.level))
         self.lengths = [motion.time.size for motion in motions]
-        names = motions[0].worth
-        self.worth = {name: np.concatenate([motion.worth[name] for motion in motions]) for name in names}
+        names = motions[0].torques
+        self.torques = {name: np.concatenate([motion.torques[name] for motion in motions]) for name in names}
         error = np.concatenate([motion.error for motion in motions])
         command = np.concatenate([motion.command for motion in motions])
         self.commanded = command * machine.kp if machine.kp else command
         if "encoder_eccentricity" in machine.effects:
-            self.worth["encoder_eccentricity"] = self._as_torque(error)
+            self.torques["encoder_eccentricity"] = self._as_torque(error)
         for name in {"sensor_lag", "actuator_lag"} & set(machine.effects):  # equivalent in series with a linear plant
-            self.worth[name] = self.lagged(machine.effects[name]["time_constant"] / moved.sample_time)
+            self.torques[name] = self.lagged(machine.effects[name]["time_constant"] / moved.sample_time)
 
     def by_run(self, values: Array) -> list[Array]:
         """Split values (T, ...) by run."""
@@ -63,7 +63,7 @@ class Seen:
     def _weights(self) -> list[Array]:
         """Inverse standard deviation of the noise, by frequency and run."""
         dt, found = self.moved.sample_time, []
-        for rest in self.by_run(self.worth["rest"]):
+        for rest in self.by_run(self.torques["rest"]):
             n = rest.size
             omega2 = np.maximum((2.0 - 2.0 * np.cos(2.0 * np.pi * np.fft.rfftfreq(n))), (2.0 * np.pi / n) ** 2) / dt**2
             machine = self.machine
@@ -87,13 +87,13 @@ class Seen:
     def base(self, but: str) -> Array:
         """(T, m) regressors of a model without one effect: the rigid body and the other effects."""
         b = self.moved
-        others = [self.worth[name] for name in self.machine.effects if name != but]
+        others = [self.torques[name] for name in self.machine.effects if name != but]
         return np.column_stack((b.acceleration, np.cos(b.angle), b.velocity, *others))
 
     def visible(self, name: str, beside: Array | None = None) -> float:
         """lambda of an effect beyond the rest of the model, and beyond further columns (T, m)."""
         columns = self.base(name) if beside is None else np.column_stack((self.base(name), beside))
-        wanted = self.whitened(self.worth[name][:, None])[:, 0]
+        wanted = self.whitened(self.torques[name][:, None])[:, 0]
         known = self.whitened(columns)
         size = np.linalg.norm(known, axis=0)
         known = known[:, size > 0.0] / size[size > 0.0]

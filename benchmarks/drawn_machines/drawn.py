@@ -192,8 +192,8 @@ def _written(
         Hidden(
             name=name,
             parameters=dict(values),
-            size=rms(seen.worth[name]),
-            rms=None if name in NO_TORQUE else rms(seen.worth[name]),
+            size=rms(seen.torques[name]),
+            rms=None if name in NO_TORQUE else rms(seen.torques[name]),
             visible=seen.visible(name),
             alike=alike(name, machine.effects, seen),
         )
@@ -209,7 +209,7 @@ def _written(
         clock=s.clock,
         rest_share=s.rest,
         level=moved.level,
-        rest=rms(seen.worth["rest"]),
+        rest=rms(seen.torques["rest"]),
         base={
             "inertia": machine.inertia,
             "gravity": machine.gravity,

@@ -113,9 +113,9 @@ def _cable(rng: np.random.Generator, b: Basis, size: float) -> Values | None:
     if b.span > 12.0:
         return None
     rest, cubic = rng.uniform(b.low, b.high), (_even(rng, 0.1, 2.0) if rng.random() < 0.5 else 0.0)
-    bend = b.angle - rest
+    deflection = b.angle - rest
     cubic /= (0.5 * b.span) ** 2
-    k = size / rms(bend + cubic * bend**3)
+    k = size / rms(deflection + cubic * deflection**3)
     return {"stiffness": k, "cubic": k * cubic, "rest_angle": rest}
 
 
@@ -279,10 +279,10 @@ def drawn_effects(
 ) -> dict[str, Values]:
     """`count` effects, each with a torque of 1 to 50 % of that of the log, or with a typical time or stiffness."""
     found: dict[str, Values] = {}
-    asked = [str(name) for name in rng.permutation(list(DRAWS))]
+    order = [str(name) for name in rng.permutation(list(DRAWS))]
     if slow and rng.random() < 0.5:
-        asked.insert(0, str(rng.choice(FRICTION)))
-    for name in asked:
+        order.insert(0, str(rng.choice(FRICTION)))
+    for name in order:
         if len(found) == count:
             break
         barred = (measured and name in BEHIND_THE_MEASUREMENT) or (basis.servo and name in IN_THE_LOOP)

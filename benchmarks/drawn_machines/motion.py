@@ -27,7 +27,7 @@ class Motion:
         current: the filtered torque of the drive [N m].
         driving: the drive's mean torque over the sample [N m].
         error: of the measurement, before noise [rad].
-        worth: mean torque of each effect, of "rest" and of "dead_zone" over each sample [N m].
+        torques: mean torque of each effect, of "rest" and of "dead_zone" over each sample [N m].
     """
 
     time: Array
@@ -39,7 +39,7 @@ class Motion:
     acceleration: Array
     driving: Array
     error: Array
-    worth: Mapping[str, Array]
+    torques: Mapping[str, Array]
 
 
 class RunsAway(ArithmeticError):
@@ -71,7 +71,7 @@ def play(
         machine.kp or 1.0,
         effects.get("payload_change", {"time": inf})["time"],
     )
-    rows, worth = np.empty((noise.size, 8)), np.empty((noise.size, len(servo.added)))
+    rows, torques = np.empty((noise.size, 8)), np.empty((noise.size, len(servo.added)))
     for k in range(noise.size):
         start, end = float(times[k]), float(times[k + 1])
         shown = servo.show()
@@ -86,12 +86,12 @@ def play(
         length = end - start
         mean = [total / length for total in servo.added.values()]
         rows[k] = (command, reading, current, last, before, (servo.v - before) / length, servo.driving / length, shown)
-        worth[k] = mean
+        torques[k] = mean
         servo.forget()
         if not abs(servo.x) < FARTHEST:
             raise RunsAway
     command, reading, current, x, v, a, driving, shown = rows.T.copy()
-    parts = {name: worth[:, place].copy() for place, name in enumerate(servo.added)}
+    parts = {name: torques[:, place].copy() for place, name in enumerate(servo.added)}
     parts["rest"] = parts["rest"] + parts.pop("resonant")
     return Motion(
         time=times[:-1],
@@ -103,7 +103,7 @@ def play(
         acceleration=a,
         driving=driving,
         error=shown - x,
-        worth=parts,
+        torques=parts,
     )
 
 

@@ -187,9 +187,9 @@ class Servo:
         if self.late is None:
             return
         (seen, rate), (last, before) = self._seen_rate(after[0], after[1]), self._seen_rate(self.x, self.v)
-        bend = self.late**2 * (rate - before) / h
-        start = self.shown - (last - self.late * before + bend)
-        self.shown = seen - self.late * rate + bend + start * exp(-h / self.late)
+        curvature = self.late**2 * (rate - before) / h
+        start = self.shown - (last - self.late * before + curvature)
+        self.shown = seen - self.late * rate + curvature + start * exp(-h / self.late)
 
     def _seen_rate(self, x: float, v: float) -> tuple[float, float]:
         """Measured angle of the encoder disc at an angle, and its rate."""

@@ -22,7 +22,7 @@ from diagnosis.nuisance import Nuisance
 from plant.effects.effect import Array
 
 AMPLITUDES = (0.0, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # of the torque in the log
-_READINGS = (0.0, 0.3, 1.0)  # errors of the measurement, as a share of its noise
+_ERRORS = (0.0, 0.3, 1.0)  # errors of the measurement, as a share of its noise
 _HUGE = 1e100  # the response of a free simulation that diverges
 _ALONE = (1.0, 3.0)  # factors on the prior standard deviation: one variable alone may need a larger one
 _PASSES = 4  # iterations between noise variance and discrepancy
@@ -38,7 +38,7 @@ class Posterior:
         amplitude: posterior mean, as a share of the torque in the log [-].
         material: posterior probability that the unmodelled torque is not zero [-].
         measurement_error: posterior probability that the measurement error is not zero [-].
-        likeliest: indices of the most probable amplitudes, in `AMPLITUDES` and in `_READINGS`.
+        likeliest: indices of the most probable amplitudes, in `AMPLITUDES` and in `_ERRORS`.
         functions: (M + R,) mean of f there.
         weights: (M + R, M + R) W; the inverse of the covariance is (I - D W D') / s^2.
         scale: (M + R,) prior standard deviations of f there.
@@ -83,7 +83,7 @@ class Responses:
     def of(cls, families: Families, filters: tuple[Linear, ...], noise: float) -> Responses:
         """Response through the predictor of each run; measurement errors are scaled by `noise` [rad]."""
         on_torque = response(filters, families.torque, on_reading=False)
-        on_reading = response(filters, noise * families.reading, on_reading=True)
+        on_reading = response(filters, noise * families.measurement, on_reading=True)
         columns = np.hstack((on_torque, on_reading))
         np.negative(columns, out=columns)
         bounded = np.abs(columns) < _HUGE  # nor is it where the response is not a number
@@ -144,10 +144,10 @@ class Discrepancy(Nuisance):
 
     def views(self) -> Iterator[tuple[float, Array]]:
         """Log-likelihood and (M + R, M + R) W of the most probable discrepancy, then of smaller ones, down to zero."""
-        torque, reading = self.posterior.likeliest
-        lower = max(torque - 1, 0), max(reading - 1, 0)
+        torque, measurement = self.posterior.likeliest
+        lower = max(torque - 1, 0), max(measurement - 1, 0)
         gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
-        for place in dict.fromkeys(((torque, reading), (torque, 0), lower, (0, 0))):
+        for place in dict.fromkeys(((torque, measurement), (torque, 0), lower, (0, 0))):
             scale = _scale(*place, len(pull), self.torques)
             likelihood, _, _, weights = _at(gram, pull, power, self.degrees, scale)
             yield likelihood, weights
@@ -160,31 +160,31 @@ class Discrepancy(Nuisance):
         """
         gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
         of_torque = np.arange(len(pull)) < self.torques
-        asked = of_torque if self.posterior.likeliest[0] else ~of_torque
+        of_this_kind = of_torque if self.posterior.likeliest[0] else ~of_torque
         depends_on = np.array(self.variables)
 
         def evidence(of: NDArray[np.bool_]) -> float:
             scales = (times * of * self.posterior.scale for times in _ALONE)
             return max(_at(gram, pull, power, self.degrees, scale)[0] for scale in scales)
 
-        nothing, everything = evidence(np.zeros_like(asked)), evidence(asked)
+        nothing, everything = evidence(np.zeros_like(of_this_kind)), evidence(of_this_kind)
         if everything <= nothing:
             return {}
-        known = asked & np.isin(depends_on, list(beside))
+        known = of_this_kind & np.isin(depends_on, list(beside))
         before = evidence(known) if beside else nothing
         return {
-            variable: (evidence(known | asked & (depends_on == variable)) - before) / (everything - nothing)
-            for variable in dict.fromkeys(depends_on[asked].tolist())
+            variable: (evidence(known | of_this_kind & (depends_on == variable)) - before) / (everything - nothing)
+            for variable in dict.fromkeys(depends_on[of_this_kind].tolist())
             if variable not in beside
         }
 
 
 def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int) -> Posterior:
     """The posterior from D'D, D'e and e'e, all beyond the parameters."""
-    places = list(product(range(len(AMPLITUDES)), range(len(_READINGS))))
+    places = list(product(range(len(AMPLITUDES)), range(len(_ERRORS))))
     scales = [_scale(*place, len(pull), torques) for place in places]
     tried = [_at(gram, pull, power, degrees, scale) for scale in scales]
-    amplitudes, errors = (np.array(sizes) for sizes in zip(*product(AMPLITUDES, _READINGS), strict=True))
+    amplitudes, errors = (np.array(sizes) for sizes in zip(*product(AMPLITUDES, _ERRORS), strict=True))
     scores = np.array([likelihood for likelihood, *_ in tried]) - np.log1p((amplitudes / INEXACT) ** 2)
     best = int(np.argmax(scores))
     weights = np.exp(scores - scores[best])
@@ -208,9 +208,9 @@ def _material(weights: Array, sizes: Array) -> float:
     return some / (some + none)
 
 
-def _scale(torque: int, reading: int, columns: int, torques: int) -> Array:
+def _scale(torque: int, measurement: int, columns: int, torques: int) -> Array:
     """(M + R,) standard deviations of the coefficients, torques first."""
-    return np.where(np.arange(columns) < torques, AMPLITUDES[torque], _READINGS[reading])
+    return np.where(np.arange(columns) < torques, AMPLITUDES[torque], _ERRORS[measurement])
 
 
 def _at(gram: Array, pull: Array, power: float, degrees: int, scale: Array) -> tuple[float, float, Array, Array]:

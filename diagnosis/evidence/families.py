@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from plant.effects import Motion
 from plant.effects.effect import Array
 
-_BENDS = 10  # highest order k of a function of one variable
+_HIGHEST_ORDER = 10  # highest order k of a function of one variable
 _LAGS = (2.0, 6.0, 20.0, 60.0)  # time constants of a lagged torque, in samples
-_WAYS = (0.003, 0.03, 0.3)  # travel constants of the Dahl model, as shares of the range of angles
+_TRAVELS = (0.003, 0.03, 0.3)  # travel constants of the Dahl model, as shares of the range of angles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,24 +29,24 @@ class Families:
 
     Attributes:
         torque: (T, M) [N m].
-        reading: (T, R) measurement errors, for a noise of 1 rad [rad].
+        measurement: (T, R) measurement errors, for a noise of 1 rad [rad].
         variables: (M + R,) the variable of each column, torques first.
     """
 
     torque: Array
-    reading: Array
+    measurement: Array
     variables: tuple[str, ...]
 
     @classmethod
     def along(cls, motion: Motion) -> Families:
         """The families along a motion."""
         level = float(np.sqrt(np.mean(motion.torque**2)))
-        torques, readings = _of_unit_size(_torques(motion)), _of_unit_size(_readings(motion))
+        torques, measurement_errors = _of_unit_size(_torques(motion)), _of_unit_size(_measurement_errors(motion))
         nothing = np.empty((motion.time.size, 0))
         return cls(
             torque=np.column_stack([nothing, *(level * column for _, column in torques)]),
-            reading=np.column_stack([nothing, *(column for _, column in readings)]),
-            variables=tuple(variable for variable, _ in (*torques, *readings)),
+            measurement=np.column_stack([nothing, *(column for _, column in measurement_errors)]),
+            variables=tuple(variable for variable, _ in (*torques, *measurement_errors)),
         )
 
 
@@ -62,11 +62,11 @@ def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
     speed, direction = np.abs(2.0 * velocity - 1.0), motion.sign
     yield "nothing", 1.0, np.ones_like(velocity)
     for variable, place in (("velocity", velocity), ("angle", angle), ("torque", _to_one(motion.torque))):
-        for k in range(1, _BENDS + 1):
+        for k in range(1, _HIGHEST_ORDER + 1):
             yield variable, 1.0 / k, np.cos(np.pi * k * place)
-    for k in range(_BENDS):
+    for k in range(_HIGHEST_ORDER):
         yield "velocity", 1.0 / (k + 1), direction * np.cos(np.pi * k * speed)
-    for k in range(1, _BENDS + 1):
+    for k in range(1, _HIGHEST_ORDER + 1):
         yield "time", 1.0 / k, np.cos(np.pi * k * _to_one(motion.time))
     around = list(_around(motion)) if motion.turn and np.ptp(motion.angle) > motion.turn else []
     for weight, wave in around:
@@ -78,12 +78,12 @@ def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
     for samples in _LAGS:
         keep = float(np.exp(-1.0 / samples))
         yield "lagged torque", 1.0, motion.by_run(partial(_lagged, motion.torque, keep)) - motion.torque
-    for share in _WAYS:
+    for share in _TRAVELS:
         way = share * float(np.ptp(motion.angle))
         yield "travel since reversal", 1.0, motion.by_run(partial(_bristle, motion.angle, way))
 
 
-def _readings(motion: Motion) -> Iterator[tuple[str, float, Array]]:
+def _measurement_errors(motion: Motion) -> Iterator[tuple[str, float, Array]]:
     """Variable, weight and column (T,) of each measurement error: periodic in the angle, or due to a delay.
 
     On a linear axis the period is the range of travel.
@@ -98,7 +98,7 @@ def _readings(motion: Motion) -> Iterator[tuple[str, float, Array]]:
 def _around(motion: Motion) -> Iterator[tuple[float, Array]]:
     """Weight and column (T,) of each harmonic over one turn, or over the range of travel on a linear axis."""
     turned = motion.angle if motion.turn else 2.0 * np.pi * _to_one(motion.angle)
-    for k in range(1, _BENDS + 1):
+    for k in range(1, _HIGHEST_ORDER + 1):
         yield 1.0 / k, np.sin(k * turned)
         yield 1.0 / k, np.cos(k * turned)
 
@@ -133,9 +133,9 @@ def _lagged(torque: Array, keep: float, rows: NDArray[np.intp]) -> Array:
 
 def _bristle(angle: Array, way: float, rows: NDArray[np.intp]) -> Array:
     """(T,) direction of motion, from -1 to 1, with the travel constant `way` (Dahl's model), in some rows."""
-    bent, found = 0.0, np.empty(rows.size)
+    deflection, found = 0.0, np.empty(rows.size)
     for k, step in enumerate(np.diff(angle[rows], prepend=angle[rows[0]]) / max(way, 1e-300)):
         goal = 1.0 if step > 0.0 else -1.0
-        bent = goal + (bent - goal) * np.exp(-abs(step))
-        found[k] = bent
+        deflection = goal + (deflection - goal) * np.exp(-abs(step))
+        found[k] = deflection
     return found

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from diagnosis.evidence.families import Families
-from diagnosis.evidence.marginal import Explanation, weigh
+from diagnosis.evidence.marginal import Explanation, marginal_likelihood
 from diagnosis.evidence.proposals import Proposal
 from diagnosis.refit import fitted_from, is_its_special_case, most_promising, problem_near
 from identification.fit_result import Fit
@@ -22,7 +22,7 @@ _ITERATIONS = 20  # of a fit; a fit that needs more is rarely of a present effec
 
 
 @dataclass(eq=False)
-class Explored:
+class FittedSets:
     """The sets that were fitted, by their effects and the bandwidth of the observer [rad/s].
 
     Attributes:
@@ -33,7 +33,7 @@ class Explored:
         fits: the best fit of each set at each bandwidth.
         proposed: the effects that were proposed in addition to each set.
         held: whether all sets are predicted with the observer that stabilises a chaotic motion.
-        asked: cached fits, by their starting point; the search requests the same fit several times.
+        cached_fits: cached fits, by their starting point; the search requests the same fit several times.
         answered: cached evidence of each fit.
     """
 
@@ -44,7 +44,7 @@ class Explored:
     fits: dict[tuple[frozenset[str], float], Explanation] = field(default_factory=dict)
     proposed: dict[tuple[frozenset[str], float], list[Proposal]] = field(default_factory=dict)
     held: bool = False
-    asked: dict[tuple[Any, ...], Fit] = field(default_factory=dict)
+    cached_fits: dict[tuple[Any, ...], Fit] = field(default_factory=dict)
     answered: dict[Fit, Explanation | None] = field(default_factory=dict)
 
     @property
@@ -68,9 +68,9 @@ class Explored:
     def fitted(self, start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
         """The best fit of some models at a bandwidth, from another fit."""
         begun = start.initial.tobytes(), bandwidth, *(part for model in (start.model, *models) for part in _key(model))
-        if begun not in self.asked:
-            self.asked[begun] = fitted(start, models, bandwidth)
-        return self.asked[begun]
+        if begun not in self.cached_fits:
+            self.cached_fits[begun] = fitted(start, models, bandwidth)
+        return self.cached_fits[begun]
 
     def gained(self, fit: Fit, proposal: Proposal) -> float:
         """Gain in log-likelihood by one effect, fitted from the first of its starts with the same observer."""
@@ -89,7 +89,7 @@ class Explored:
         found = self.fitted(fit, models, bandwidth)
         least = _likelihood(fit, bandwidth) if least is None else least
         for starts in proposal.starts:
-            found = self._among_look_alikes(found, starts[0].name, bandwidth, least)
+            found = self._among_confounded(found, starts[0].name, bandwidth, least)
         return found
 
     def _with(self, model: ServoModel, start: Effect) -> ServoModel:
@@ -101,40 +101,40 @@ class Explored:
             model = model.with_values([values[name] for name in model.names])
         return model.with_effect(start)
 
-    def _among_look_alikes(self, fit: Fit, name: str, bandwidth: float, least: float) -> Fit:
+    def _among_confounded(self, fit: Fit, name: str, bandwidth: float, least: float) -> Fit:
         """The best of similar shapes, between which a descent cannot choose: first over the whole range, then nearby.
 
         The local search is left out if the best of the whole range has a log-likelihood below `least`.
         """
         for stage in _STAGES:
             effect = fit.model.effect(name)
-            alike = () if effect is None else effect.similar_shapes(stage)
-            if not alike:
+            similar = () if effect is None else effect.similar_shapes(stage)
+            if not similar:
                 break
             rest = fit.model.without_effect(name)
-            other = self.fitted(replace(fit, model=rest), [rest.with_effect(each) for each in alike], bandwidth)
+            other = self.fitted(replace(fit, model=rest), [rest.with_effect(each) for each in similar], bandwidth)
             fit = max((fit, other), key=lambda each: each.log_likelihood)
             if stage == 0 and fit.log_likelihood < least:
                 break
         return fit
 
-    def weighed(self, fit: Fit) -> Explanation | None:
+    def explanation_of(self, fit: Fit) -> Explanation | None:
         """Evidence of a fit; of the fit with the special case if an effect has reduced to that; None without any."""
         if fit not in self.answered:
-            self.answered[fit] = self._weighed(fit)
+            self.answered[fit] = self._explained(fit)
         return self.answered[fit]
 
-    def _weighed(self, fit: Fit) -> Explanation | None:
+    def _explained(self, fit: Fit) -> Explanation | None:
         held = {effect.name for effect in self.null.model.effects}
         names = {effect.name for effect in fit.model.effects} - held
         for name in sorted(names):
             if is_its_special_case(fit, name):
                 (narrow,) = self.narrowed(fit, name) or (None,)
-                return None if narrow is None else self.weighed(narrow)
+                return None if narrow is None else self.explanation_of(narrow)
         if not fit.converged:
             return None
         excluded = catalogue.keys() - self.effects.keys()
-        return weigh(
+        return marginal_likelihood(
             fit, held, self.families, catalogue=len(self.effects), observer=self.null.bandwidth, excluded=excluded
         )
 

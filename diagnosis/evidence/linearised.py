@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.linear import Linear, linearised
 from diagnosis.nuisance import Nuisance
 from identification.fit_result import Fit
-from identification.predictor import OUTGROWN, Prediction, measured_state
+from identification.predictor import DIVERGED, Prediction, measured_state
 from identification.problem import Problem
 from plant.effects.effect import Array
 from plant.servo import ServoModel
@@ -23,37 +23,41 @@ class Linearised:
     """Linearised predictions of all runs with one observer.
 
     Attributes:
-        told: prediction of each run with its Jacobian: the free parameters, then the initial states.
+        predictions: prediction of each run with its Jacobian: the free parameters, then the initial states.
         innovations: (T,) of all runs.
         filters: linear filter of each run, from a torque or a measurement error to the innovations.
     """
 
-    told: Sequence[Prediction]
+    predictions: Sequence[Prediction]
     innovations: Array
     filters: tuple[Linear, ...]
 
     @classmethod
     def at(cls, fit: Fit, bandwidth: float) -> Linearised | None:
         """At a fit, with an observer of a bandwidth [rad/s]; None if the motion grows without bound."""
-        problem, told = predicted(fit, fit.model, bandwidth)
+        problem, predictions = predicted(fit, fit.model, bandwidth)
         start = measured_state(problem.log.response)
-        if not (is_bounded(told) and (fit.model.chaotic or _is_held(told, start))):
+        if not (is_bounded(predictions) and (fit.model.chaotic or _is_held(predictions, start))):
             return None
         substeps, colour = problem.predictor.substeps, problem.log.colour
         filters = tuple(
             linearised(fit.model, run, p, bandwidth, substeps=substeps, colour=colour)
-            for run, p in zip(problem.log.runs, told, strict=True)
+            for run, p in zip(problem.log.runs, predictions, strict=True)
         )
-        return cls(told=told, innovations=np.concatenate([p.innovations for p in told]), filters=filters)
+        return cls(
+            predictions=predictions, innovations=np.concatenate([p.innovations for p in predictions]), filters=filters
+        )
 
     def nuisance(self, without: Sequence[int] = ()) -> Nuisance:
         """Directions of the parameters, except those in `without`, and of the initial states."""
-        kept = [row for row in range(self.told[0].jacobian.shape[1]) if row not in without]
-        return Nuisance.of([replace(p, jacobian=p.jacobian[:, kept]) for p in self.told] if without else self.told)
+        kept = [row for row in range(self.predictions[0].jacobian.shape[1]) if row not in without]
+        return Nuisance.of(
+            [replace(p, jacobian=p.jacobian[:, kept]) for p in self.predictions] if without else self.predictions
+        )
 
     def slopes(self, rows: Sequence[int]) -> Array:
         """(T, len(rows)) Jacobian of some parameters."""
-        return np.vstack([p.jacobian[:, list(rows)] for p in self.told])
+        return np.vstack([p.jacobian[:, list(rows)] for p in self.predictions])
 
     def beyond_the_rest(self, rows: Sequence[int], without: Sequence[int] = ()) -> Array:
         """(T, len(rows)) Jacobian of some parameters, beyond all others except `without`, and beyond initial states."""
@@ -65,17 +69,17 @@ def predicted(
 ) -> tuple[Problem, list[Prediction]]:
     """A model predicted along a fit's log from its initial states."""
     problem = Problem.of(fit.log, model, known=fit.known)
-    told = problem.predictor.predict(
+    predictions = problem.predictor.predict(
         model.values, fit.initial, bandwidth=bandwidth, width=0.0, sensitivities=sensitivities
     )
-    return problem, told
+    return problem, predictions
 
 
-def _is_held(told: Sequence[Prediction], start: int) -> bool:
+def _is_held(predictions: Sequence[Prediction], start: int) -> bool:
     """Whether errors of the initial angle, or velocity, do not grow so far that they dominate all sensitivities."""
-    return max(float(np.mean(p.jacobian[:, start - 2] ** 2)) for p in told) <= OUTGROWN**2
+    return max(float(np.mean(p.jacobian[:, start - 2] ** 2)) for p in predictions) <= DIVERGED**2
 
 
-def is_bounded(told: Sequence[Prediction]) -> bool:
+def is_bounded(predictions: Sequence[Prediction]) -> bool:
     """Whether the innovations and their Jacobian are bounded."""
-    return all(np.abs(p.jacobian).max(initial=0.0) < _HUGE and np.abs(p.innovations).max() < _HUGE for p in told)
+    return all(np.abs(p.jacobian).max(initial=0.0) < _HUGE and np.abs(p.innovations).max() < _HUGE for p in predictions)

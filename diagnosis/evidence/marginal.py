@@ -18,8 +18,8 @@ from diagnosis.evidence.discrepancy import Discrepancy
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.linearised import Linearised
 from diagnosis.evidence.prior import forms
+from diagnosis.evidence.set_likelihood import SetLikelihood
 from diagnosis.evidence.sizes import Sizes
-from diagnosis.evidence.weighed import Weighed
 from diagnosis.linear import AT_ONCE, Linear, score
 from diagnosis.motion import motion_of
 from diagnosis.nuisance import Nuisance
@@ -35,7 +35,7 @@ class Explanation:
 
     Attributes:
         names: of the effects beyond the base model.
-        weighed: the fit of the whole set, with the discrepancy.
+        likelihood: the fit of the whole set, with the discrepancy.
         log_marginal: log Z.
         screen: the linearised fit, to rank further effects.
         families: basis functions of the discrepancy.
@@ -44,7 +44,7 @@ class Explanation:
     """
 
     names: frozenset[str]
-    weighed: Weighed
+    likelihood: SetLikelihood
     log_marginal: float
     screen: Screen
     families: Families
@@ -54,17 +54,17 @@ class Explanation:
     @property
     def fit(self) -> Fit:
         """The fit of the base model with the effects."""
-        return self.weighed.fit
+        return self.likelihood.fit
 
     @property
     def discrepancy(self) -> Discrepancy:
         """The discrepancy at the fit."""
-        return self.weighed.discrepancy
+        return self.likelihood.discrepancy
 
     @cached_property
     def sizes(self) -> Sizes:
         """Sizes of the effects and of the discrepancy."""
-        at = self.weighed
+        at = self.likelihood
         found = Sizes.of(at.fit, self.names, self.families, at.noise, at.posterior.functions, self.observer)
         return replace(found, excluded=self.excluded)
 
@@ -74,7 +74,7 @@ class Explanation:
         return self.names | {special for special, _ in self.sizes.beyond_special.values() if special is not None}
 
 
-def weigh(
+def marginal_likelihood(
     fit: Fit,
     base: Collection[str],
     families: Families,
@@ -94,22 +94,22 @@ def weigh(
         excluded: effects of the catalogue that are not candidates.
     """
     names = frozenset(effect.name for effect in fit.model.effects) - set(base)
-    found = Weighed.at(fit, names, families)
+    found = SetLikelihood.at(fit, names, families)
     if found is None:
         return None
     here, discrepancy = found.here, found.discrepancy
     # The discrepancy may absorb a missing effect, so scores are calculated beyond it and beyond the parameters alone.
     views = (discrepancy.beyond(here.innovations), discrepancy.left)
-    torque, reading = score(here.filters, np.column_stack(views))
+    torque, measurement = score(here.filters, np.column_stack(views))
     problem = Problem.of(fit.log, fit.model, known=fit.known)
     motion = replace(
-        motion_of(fit, problem, list(here.told), fit.bandwidth, (torque, reading)),
+        motion_of(fit, problem, list(here.predictions), fit.bandwidth, (torque, measurement)),
         chance=cache(partial(_chance, here.filters, discrepancy)),
     )
     counted = sum(forms(type(effect)) for effect in fit.model.effects if effect.name in names)
     return Explanation(
         names=names,
-        weighed=found,
+        likelihood=found,
         log_marginal=found.log_likelihood - counted * float(np.log(catalogue)),
         screen=Screen(fit=fit, motion=motion, innovations=here.innovations, nuisance=discrepancy, filters=here.filters),
         families=families,
@@ -124,7 +124,7 @@ def families_along(fit: Fit) -> Families | None:
     if here is None:
         return None
     problem, nothing = Problem.of(fit.log, fit.model, known=fit.known), np.zeros((here.innovations.size, 1))
-    return Families.along(motion_of(fit, problem, list(here.told), fit.bandwidth, (nothing, nothing)))
+    return Families.along(motion_of(fit, problem, list(here.predictions), fit.bandwidth, (nothing, nothing)))
 
 
 def _chance(filters: tuple[Linear, ...], nuisance: Nuisance) -> tuple[Array, Array]:

@@ -42,7 +42,7 @@ from plant.effects.nonparametric import unnamed
 
 _NEGLIGIBLE = 1e-4  # probability below which a set is not divided any further
 _DRAWS = 1000  # of the block weights
-_SURELY = 1e6  # largest ratio, against overflow
+_LARGEST_RATIO = 1e6  # largest ratio, against overflow
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,10 +83,10 @@ class Posterior:
         that exceed 0.5 by the evidence alone are minor and are not added.
         """
         names = frozenset(name for each in self.reported for name in each)
-        likely = frozenset(name for name in names if self.probability(name) > LIKELY)
-        minor = frozenset(name for name in names - likely if self.of(name) > LIKELY)
-        holding = [each for each in self.reported if likely <= each and not each & minor]
-        return likely if self.complete(likely | minor) > LIKELY or not holding else holding[0]
+        probable = frozenset(name for name in names if self.probability(name) > LIKELY)
+        minor = frozenset(name for name in names - probable if self.of(name) > LIKELY)
+        holding = [each for each in self.reported if probable <= each and not each & minor]
+        return probable if self.complete(probable | minor) > LIKELY or not holding else holding[0]
 
     @cached_property
     def best(self) -> Explanation:
@@ -103,23 +103,23 @@ class Posterior:
         """Posterior probability of an effect after the size rules."""
         return sum(p for names, p in self.reported.items() if name in names)
 
-    def complete(self, told: Collection[str]) -> float:
-        """Probability that no effect is missing from `told`; an effect with a special case in `told` is not missing."""
-        return sum(p for names, p in self.reported.items() if all(special_cases(n) & {*told} for n in names))
+    def complete(self, kept: Collection[str]) -> float:
+        """Probability that no effect is missing from `kept`; an effect with a special case in `kept` is not missing."""
+        return sum(p for names, p in self.reported.items() if all(special_cases(n) & {*kept} for n in names))
 
     def names(self) -> dict[str, float]:
         """Each catalogue effect with its probability by the evidence alone, the most probable first."""
         every = {name for names in self.reported for name in names.difference(unnamed)}
         return dict(sorted(((name, self.of(name)) for name in every), key=lambda item: -item[1]))
 
-    def nameless(self, kinds: Collection[str] = tuple(unnamed)) -> float:
+    def nonparametric(self, kinds: Collection[str] = tuple(unnamed)) -> float:
         """Probability that non-parametric effects of some kinds are in the set."""
         return sum(p for names, p in self.reported.items() if not names.isdisjoint(kinds))
 
     def over_discrepancy(self, name: str) -> float:
         """Size of an effect divided by that of the unexplained part, in the set with the highest evidence."""
         holder = next(each for each in self.sets if name in each.names)
-        return holder.sizes.effects[name] / max(holder.sizes.without_name, 1e-300)
+        return holder.sizes.effects[name] / max(holder.sizes.unexplained, 1e-300)
 
 
 def special_cases(name: str) -> set[str]:
@@ -135,10 +135,10 @@ def over_blocks(sets: Sequence[Explanation], against: Mapping[str, Array]) -> Ar
     def again(count: int) -> Array:
         return np.asarray(draw.dirichlet(np.ones(count), size=_DRAWS) * count)
 
-    blocks = np.array([each.weighed.by_block(BLOCKS) for each in sets])
+    blocks = np.array([each.likelihood.by_block(BLOCKS) for each in sets])
     scores = np.array([each.log_marginal for each in sets]) + (again(BLOCKS) - 1.0) @ blocks.T
-    for name, told in sorted(against.items()):
-        taken = np.minimum(again(told.size) @ told, 0.0)
+    for name, differences in sorted(against.items()):
+        taken = np.minimum(again(differences.size) @ differences, 0.0)
         scores += np.outer(taken, [name in each.names for each in sets])
     weights = np.exp(scores - scores.max(axis=1, keepdims=True))
     return np.asarray(np.mean(weights / weights.sum(axis=1, keepdims=True), axis=0))
@@ -183,11 +183,11 @@ def beside_names(explanation: Explanation, named: Explanation) -> float:
     laws = [size for size in named.sizes.effects.values() if np.isfinite(size)]
     if explanation.names.isdisjoint(unnamed) or not laws:
         return 1.0
-    more = max(explanation.weighed.log_likelihood - named.weighed.log_likelihood, 0.0)
+    more = max(explanation.likelihood.log_likelihood - named.likelihood.log_likelihood, 0.0)
     return kept_share(float(np.sqrt(2.0 * more * named.discrepancy.posterior.variance)), INEXACT * max(laws))
 
 
 def kept_share(size: float, beside: float) -> float:
     """Share of its probability that an effect keeps [-], from its size and the size it has to exceed [rad]."""
-    ratio = min(size / max(beside, 1e-300), _SURELY)
+    ratio = min(size / max(beside, 1e-300), _LARGEST_RATIO)
     return float(ratio**2 / (1.0 + ratio**2))

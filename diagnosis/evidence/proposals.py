@@ -25,13 +25,13 @@ class Proposal:
 
     Attributes:
         value: linearised evidence, a log Bayes factor.
-        worth: log Bayes factor as a function of the gain in log-likelihood.
+        evidence: log Bayes factor as a function of the gain in log-likelihood.
         starts: of each effect.
         leads: whether its linearised evidence without discrepancy is the highest of its number of effects.
     """
 
     value: float
-    worth: Callable[[float], float]
+    evidence: Callable[[float], float]
     starts: tuple[tuple[Effect, ...], ...]
     leads: bool = False
 
@@ -134,7 +134,7 @@ class _Ranking:
             own = shape.start(sizes[first:last])
             starts.append((own, *self._others(shape)) if len(shapes) == 1 and own.multimodal else (own,))
             first = last
-        return Proposal(value=value, worth=lambda gain: self._value(gain, *shapes), starts=tuple(starts))
+        return Proposal(value=value, evidence=lambda gain: self._value(gain, *shapes), starts=tuple(starts))
 
     def _others(self, best: Signature) -> Iterator[Effect]:
         """Other shapes of the same effect, nearly as good; of a chaotic effect all, as its signature says little."""

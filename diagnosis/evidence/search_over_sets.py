@@ -12,9 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from diagnosis.evidence.fitted_sets import Explored
+from diagnosis.evidence.fitted_sets import FittedSets
 from diagnosis.evidence.larger_sets import (
-    ASKED,
+    FITTED_SETS,
     STEP,
     Trial,
     extend,
@@ -25,33 +25,35 @@ from diagnosis.evidence.larger_sets import (
     with_other_observers,
 )
 from diagnosis.evidence.marginal import Explanation, families_along
+from diagnosis.evidence.nonparametric_proposals import nonparametric_proposals
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.proposals import Proposal
-from diagnosis.evidence.without_name import without_name
-from diagnosis.levels import HARDLY_EVER, LIKELY
+from diagnosis.levels import DECISIVE, LIKELY
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.threads import in_threads, without_blas_threads
 from plant.effects import Effect
 from plant.effects.nonparametric import unnamed
 
-_InPlace: TypeAlias = Callable[[Explored, Explanation, frozenset[str], float | None], list[Proposal]]
+_InPlace: TypeAlias = Callable[[FittedSets, Explanation, frozenset[str], float | None], list[Proposal]]
 _NEAR = 0.3  # share by which the linearised evidence may be too large
 _RETUNED = 3  # sets whose observer bandwidth is optimised again
 _MOST = 5  # rounds of adding effects, and number of effects in a set from which none is added
 
 
 @without_blas_threads
-def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[str], None] | None = None) -> Explored:
+def explore(
+    null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[str], None] | None = None
+) -> FittedSets:
     """Search the sets of effects beyond a fitted base model."""
     tell = progress or (lambda line: None)
     families = families_along(null)
     if families is None:
         raise Unidentifiable("The motion of the base model grows without bound.")
-    found = Explored(null=null, effects=effects, tell=tell, families=families)
+    found = FittedSets(null=null, effects=effects, tell=tell, families=families)
     grid = sorted({0.0, null.bandwidth / STEP**2} - {null.bandwidth})
-    found.add([found.weighed(null)])
-    found.add(in_threads(lambda bandwidth: found.weighed(found.fitted(null, [null.model], bandwidth)), grid))
+    found.add([found.explanation_of(null)])
+    found.add(in_threads(lambda bandwidth: found.explanation_of(found.fitted(null, [null.model], bandwidth)), grid))
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
     bare = list(found.fits.values())
@@ -61,12 +63,12 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     _improve(found)
     _try_chaotic(found)
     _replace(found)
-    _replace_without_name(found)
+    _replace_by_nonparametric(found)
     _fit_leading(found)
     return found
 
 
-def _try_chaotic(found: Explored) -> None:
+def _try_chaotic(found: FittedSets) -> None:
     """Try chaotic effects alone and, if that gains something, beside the best set; unless the base model is enough.
 
     The linearised evidence of a chaotic effect says little, and other effects that resemble it explain a part of it.
@@ -76,13 +78,13 @@ def _try_chaotic(found: Explored) -> None:
         return
     for each in [each for each in proposals(found, bare) if each.chaotic and len(each.names) == 1]:
         try_sets(found, [Trial(bare, each)])
-        if found.best is best and best is not bare and gained_stabilised(found, bare, each) > HARDLY_EVER:
+        if found.best is best and best is not bare and gained_stabilised(found, bare, each) > DECISIVE:
             try_sets(found, [Trial(best, other) for other in proposals(found, best) if other.names == each.names])
     if found.best is not best:
         _improve(found)
 
 
-def _fit_leading(found: Explored) -> None:
+def _fit_leading(found: FittedSets) -> None:
     """Fit the leading set of the posterior if it has not been fitted: it becomes the model."""
     tried = set[frozenset[str]]()
     while True:
@@ -98,10 +100,10 @@ def _fit_leading(found: Explored) -> None:
             effect, model = model.effect(name), model.without_effect(name)
             if effect is not None and special in names:
                 model = model.with_effect(effect.reduced()[0])
-        found.add([found.weighed(found.fitted(holder.fit, [model], holder.fit.bandwidth))])
+        found.add([found.explanation_of(found.fitted(holder.fit, [model], holder.fit.bandwidth))])
 
 
-def _improve(found: Explored) -> None:
+def _improve(found: FittedSets) -> None:
     """Add effects to the best set, and remove effects from it, as long as the evidence rises.
 
     If the last added effects are smaller than the discrepancy, further ones would be too, unless the discrepancy has
@@ -118,7 +120,7 @@ def _improve(found: Explored) -> None:
         before = best
 
 
-def _parents(found: Explored, best: Explanation) -> list[Explanation]:
+def _parents(found: FittedSets, best: Explanation) -> list[Explanation]:
     """The sets to extend: the best one and, if its unmodelled torque is probably not zero, a second one.
 
     That is the set with the highest log-likelihood with the observer of the base model: with it, a poor model also
@@ -127,8 +129,8 @@ def _parents(found: Explored, best: Explanation) -> list[Explanation]:
     observed = [each for (_, bandwidth), each in found.fits.items() if bandwidth == found.null.bandwidth]
     if not observed or best.discrepancy.posterior.material <= LIKELY:
         return [best]
-    barest = max(observed, key=lambda each: each.fit.log_likelihood)
-    return [best] if barest is best else [best, barest]
+    simplest = max(observed, key=lambda each: each.fit.log_likelihood)
+    return [best] if simplest is best else [best, simplest]
 
 
 def _are_small(explanation: Explanation, names: Collection[str]) -> bool:
@@ -136,7 +138,7 @@ def _are_small(explanation: Explanation, names: Collection[str]) -> bool:
     return bool(names) and all(sizes.effects[name] < sizes.to_exceed(name) for name in names)
 
 
-def _retune(found: Explored) -> None:
+def _retune(found: FittedSets) -> None:
     """Lower the observer bandwidth of the best sets as long as their evidence rises.
 
     Also of the set with the highest log-likelihood without discrepancy: with a fast observer a discrepancy may explain
@@ -149,15 +151,15 @@ def _retune(found: Explored) -> None:
 
     if not found.held:
         ranked = sorted(found.known.values(), key=lambda each: -each.log_marginal)
-        barest = max(ranked, key=lambda each: each.fit.log_likelihood)
-        leading = ranked[:_RETUNED] if barest in ranked[:_RETUNED] else [*ranked[:_RETUNED], barest]
+        simplest = max(ranked, key=lambda each: each.fit.log_likelihood)
+        leading = ranked[:_RETUNED] if simplest in ranked[:_RETUNED] else [*ranked[:_RETUNED], simplest]
         found.add(chain.from_iterable(in_threads(lowered, leading)))
 
 
-def _replace(found: Explored) -> None:
+def _replace(found: FittedSets) -> None:
     """Try other effects in place of each effect that is not minor, and of pairs with a common confounded effect."""
     before = -np.inf
-    while (best := found.best).names and best.log_marginal > before + HARDLY_EVER:
+    while (best := found.best).names and best.log_marginal > before + DECISIVE:
         before = best.log_marginal
         _try_in_places(found, best, _places(found, best), _in_place)
         for narrow in _narrowed(found, best):
@@ -166,43 +168,43 @@ def _replace(found: Explored) -> None:
             _improve(found)
 
 
-def _replace_without_name(found: Explored) -> None:
+def _replace_by_nonparametric(found: FittedSets) -> None:
     """Try non-parametric effects in place of effects: otherwise an effect that resembles the cause seems certain.
 
     After such a replacement effects may be removed, but none is added: each would have to exceed the non-parametric
     effect. If no effect would be reported, non-parametric effects are also added to the best set.
     """
     before = -np.inf
-    while (best := found.best).log_marginal > before + HARDLY_EVER:
+    while (best := found.best).log_marginal > before + DECISIVE:
         before = best.log_marginal
         alone = len(best.names) < _MOST and _names_nothing(found)
-        _try_in_places(found, best, [*_places(found, best), *([frozenset[str]()] if alone else [])], _without_name)
+        _try_in_places(found, best, [*_places(found, best), *([frozenset[str]()] if alone else [])], _nonparametric)
         if found.best is not best:
             _retune(found)
             _without_each(found, found.best)
 
 
-def _names_nothing(found: Explored) -> bool:
+def _names_nothing(found: FittedSets) -> bool:
     """Whether no effect of the machine has a probability above 0.5; a lag of the torque measurement does not count."""
     posterior = Posterior.over(found.known.values())
     measured = {name for name, kind in found.effects.items() if kind.measured}
     return not any(posterior.probability(name) > LIKELY for name in posterior.names().keys() - measured)
 
 
-def _try_in_places(found: Explored, best: Explanation, places: Sequence[frozenset[str]], in_place: _InPlace) -> None:
+def _try_in_places(found: FittedSets, best: Explanation, places: Sequence[frozenset[str]], in_place: _InPlace) -> None:
     """Fit the sets with other effects in place of some effects of a set."""
 
-    def asked(out: frozenset[str]) -> list[Trial]:
+    def trials(out: frozenset[str]) -> list[Trial]:
         less = _less(found, best, out) if out else best
         if less is None:
             return []
         least = _roughly_promised(found, less, out) if out else 0.0
         return [Trial(less, each, max(least or 0.0, 0.0)) for each in in_place(found, less, out, least)]
 
-    try_sets(found, list(chain.from_iterable(in_threads(asked, places))), best.fit.bandwidth)
+    try_sets(found, list(chain.from_iterable(in_threads(trials, places))), best.fit.bandwidth)
 
 
-def _places(found: Explored, best: Explanation) -> list[frozenset[str]]:
+def _places(found: FittedSets, best: Explanation) -> list[frozenset[str]]:
     """Effects that are not minor, and pairs of them that are confounded with the same effect."""
     named = sorted(best.names.difference(unnamed))
     large = [name for name in named if best.sizes.effects[name] >= best.sizes.to_exceed(name)]
@@ -214,20 +216,20 @@ def _places(found: Explored, best: Explanation) -> list[frozenset[str]]:
     return [frozenset(out) for out in (*({name} for name in large), *two)]
 
 
-def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
+def _narrowed(found: FittedSets, best: Explanation) -> list[Explanation]:
     """The sets with the special case of an effect in its place."""
-    tried = [found.weighed(fit) for name in sorted(best.names) for fit in found.narrowed(best.fit, name)]
+    tried = [found.explanation_of(fit) for name in sorted(best.names) for fit in found.narrowed(best.fit, name)]
     found.add(tried)
     return [found.known[each.names] for each in tried if each is not None]
 
 
-def _roughly_promised(found: Explored, less: Explanation, out: frozenset[str]) -> float | None:
+def _roughly_promised(found: FittedSets, less: Explanation, out: frozenset[str]) -> float | None:
     """Lower limit of the linearised evidence of effects removed from a set, with a margin; None without a proposal."""
     promised = [each.value for each in proposals(found, less) if each.names == out]
-    return max(promised) - max(HARDLY_EVER, _NEAR * max(promised)) if promised else None
+    return max(promised) - max(DECISIVE, _NEAR * max(promised)) if promised else None
 
 
-def _in_place(found: Explored, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:
+def _in_place(found: FittedSets, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:
     """Single effects to add in place of removed ones: those with at least the linearised evidence `least`.
 
     Also wider forms of the removed effects, and all effects confounded with them: the linearised evidence of a chaotic
@@ -235,18 +237,18 @@ def _in_place(found: Explored, less: Explanation, out: frozenset[str], least: fl
     """
     others = [each for each in proposals(found, less) if len(each.names) == 1 and not each.names & out]
     ranked = sorted(others, key=lambda each: -each.value)
-    near = [each for each in ranked if least is not None and each.value >= least][:ASKED]
-    alike = frozenset[str]().union(*(_confounded(found.effects, name) for name in out))
+    near = [each for each in ranked if least is not None and each.value >= least][:FITTED_SETS]
+    confounded = frozenset[str]().union(*(_confounded(found.effects, name) for name in out))
     for each in others:
         effect = each.starts[0][0]
-        if each not in near and (out & set(effect.contains) or effect.name in alike):
+        if each not in near and (out & set(effect.contains) or effect.name in confounded):
             near.append(each)
     return near
 
 
-def _without_name(found: Explored, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:
+def _nonparametric(found: FittedSets, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:
     """Non-parametric effects with at least the linearised evidence `least`."""
-    return [each for each in without_name(less) if least is not None and each.value >= least][:ASKED]
+    return [each for each in nonparametric_proposals(less) if least is not None and each.value >= least][:FITTED_SETS]
 
 
 def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
@@ -255,7 +257,7 @@ def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str
     return frozenset(other for other, kind in effects.items() if other in own or name in kind.confused_with)
 
 
-def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanation | None:
+def _less(found: FittedSets, best: Explanation, out: frozenset[str]) -> Explanation | None:
     """The set without some effects, with the same observer or that of the base model, whichever has more evidence.
 
     From the latter, slower observers are tried step by step: with a slow one at once, a fit may end in a local minimum.
@@ -266,7 +268,7 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
     observers = {best.fit.bandwidth} if found.held else {best.fit.bandwidth, found.null.bandwidth}
     for bandwidth in sorted(observers):
         if (names, bandwidth) not in found.fits:
-            found.add([found.weighed(found.fitted(best.fit, [model], bandwidth))])
+            found.add([found.explanation_of(found.fitted(best.fit, [model], bandwidth))])
     known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
     best_one = max(known, key=lambda each: each.log_marginal, default=None)
     if best_one is not None and best_one.fit.bandwidth > best.fit.bandwidth and not found.held:
@@ -274,6 +276,6 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
     return None if best_one is None else found.known[names]
 
 
-def _without_each(found: Explored, best: Explanation) -> None:
+def _without_each(found: FittedSets, best: Explanation) -> None:
     """Fit the sets with one effect less."""
     in_threads(lambda name: _less(found, best, frozenset({name})), sorted(best.names))

@@ -55,7 +55,7 @@ class Sizes:
         return cls(fit=fit, names=frozenset(names), bandwidth=bandwidth, here=here, discrepancy=discrepancy)
 
     @cached_property
-    def without_name(self) -> float:
+    def unexplained(self) -> float:
         """Size of the unexplained part: of the discrepancy and the non-parametric effects together."""
         instead = [self.effects[each] for each in sorted(self.names.intersection(unnamed)) if self.here is not None]
         return float(np.hypot.reduce([self.discrepancy, *instead]))
@@ -63,7 +63,7 @@ class Sizes:
     def to_exceed(self, name: str) -> float:
         """Size an effect has to exceed: the unexplained part, and a hundredth of the largest other effect."""
         others = (size for other, size in self.effects.items() if other != name)
-        return max(self.without_name, INEXACT * max(others, default=0.0))
+        return max(self.unexplained, INEXACT * max(others, default=0.0))
 
     @cached_property
     def effects(self) -> dict[str, float]:
@@ -88,11 +88,11 @@ class Sizes:
             for special in effect.reduced()[:1] if effect.name in self.names else ():
                 if self.fit.model.effect(special.name) is None:
                     narrow = self.fit.model.without_effect(effect.name).with_effect(special)
-                    _, told = predicted(self.fit, narrow, self.bandwidth)
+                    _, predictions = predicted(self.fit, narrow, self.bandwidth)
                     change = np.inf
-                    if is_bounded(told) and self.here is not None:
-                        other = np.concatenate([p.innovations for p in told])
-                        change = float(np.linalg.norm(Nuisance.of(told).beyond(other - self.here.innovations)))
+                    if is_bounded(predictions) and self.here is not None:
+                        other = np.concatenate([p.innovations for p in predictions])
+                        change = float(np.linalg.norm(Nuisance.of(predictions).beyond(other - self.here.innovations)))
                     found[effect.name] = None if special.name in self.excluded else special.name, change
         return found
 
@@ -102,9 +102,9 @@ class Sizes:
         found = {}
         for name in sorted(self.names) if self.here is not None else ():
             less = self.fit.model.without_effect(name)
-            _, told = predicted(self.fit, less, self.bandwidth, sensitivities=False)
-            if is_bounded(told) and self.here is not None:
-                found[name] = np.concatenate([p.innovations for p in told]) - self.here.innovations
+            _, predictions = predicted(self.fit, less, self.bandwidth, sensitivities=False)
+            if is_bounded(predictions) and self.here is not None:
+                found[name] = np.concatenate([p.innovations for p in predictions]) - self.here.innovations
         return found
 
     @cached_property

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.experiment.separation import Rival
+from diagnosis.experiment.separation import CompetingModel
 from diagnosis.experiment.signal_design import Design, Found, Limits
 from diagnosis.experiment.signal_families import Signal
 from diagnosis.experiment.time_scale import time_scale
@@ -154,12 +154,12 @@ def separating_experiment(
         )
     if duration is not None and not (np.isfinite(duration) and duration >= 10.0 * sample_time):
         raise BadParameter(f"duration = {duration:g} s must be at least ten samples of {sample_time:g} s.")
-    rivals, tried = (Rival.of(first), Rival.of(second)), count()
+    competing, tried = (CompetingModel.of(first), CompetingModel.of(second)), count()
 
     def lasting(length: float) -> Design:
         if progress is not None:
             progress(f"signals of {length:g} s, {next(tried)} of {_TRIALS} durations are tried")
-        return Design(rivals=rivals, limits=limits, duration=length, sample_time=sample_time, start=start)
+        return Design(competing=competing, limits=limits, duration=length, sample_time=sample_time, start=start)
 
     ladder = durations(sample_time)
     best = _shortest(lasting, ladder, seed) if duration is None else lasting(duration).best(seed)
@@ -171,9 +171,9 @@ def separating_experiment(
         start=start,
         signal=best.signal,
         separation=best.log_odds,
-        absorbed=best.worth.absorbed,
+        absorbed=best.separation.absorbed,
         chirp_separation=chirp.log_odds if chirp else 0.0,
-        chirp_absorbed=chirp.worth.absorbed if chirp else 1.0,
+        chirp_absorbed=chirp.separation.absorbed if chirp else 1.0,
         chirp_duration=_chirp_duration(lasting, ladder),
         predictions=(best.trial.runs[0].output, best.trial.runs[1].output),
         axis=first.model.axis,

@@ -30,12 +30,12 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _RETUNING = 8  # iterations of a full refit to the other's output
-_DOUBTS = 2  # further parameter values of the true model, randomly drawn
+_DRAWS = 2  # further parameter values of the true model, randomly drawn
 _BANDWIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # rad/s at 5 ms, to which the wrong model may raise its observer bandwidth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rival:
+class CompetingModel:
     """One of the two competing models, with the data that the design of an experiment needs.
 
     Attributes:
@@ -45,7 +45,7 @@ class Rival:
         noise_std: of one sample [rad or m].
         bandwidth: of the observer [rad/s].
         substeps: integration steps per sample.
-        doubts: (P,) each, other parameter values, drawn from the distribution of the estimates.
+        drawn_values: (P,) each, other parameter values, drawn from the distribution of the estimates.
     """
 
     model: ServoModel
@@ -54,7 +54,7 @@ class Rival:
     noise_std: float
     bandwidth: float
     substeps: int
-    doubts: tuple[Array, ...]
+    drawn_values: tuple[Array, ...]
 
     @classmethod
     def of(cls, fit: Fit) -> Self:
@@ -72,10 +72,10 @@ class Rival:
             noise_std=fit.noise_std,
             bandwidth=fit.bandwidth,
             substeps=fit.substeps,
-            doubts=tuple(_drawn(fit, np.random.default_rng(seed)) for seed in range(_DOUBTS)),
+            drawn_values=tuple(_drawn(fit, np.random.default_rng(seed)) for seed in range(_DRAWS)),
         )
 
-    def contains(self, other: Rival) -> bool:
+    def contains(self, other: CompetingModel) -> bool:
         """Whether every effect of the other model is one of this model or a special case of one."""
         theirs = {effect.name for effect in other.model.effects}
         mine = {effect.name for effect in self.model.effects}
@@ -102,27 +102,29 @@ class Trial:
     """A torque signal simulated with both models.
 
     Attributes:
-        rivals: the two models.
+        competing: the two models.
         runs: the simulated experiment with each model, without noise.
         speed: largest speed of both [rad/s].
         travel: least and largest angle of both [rad].
     """
 
-    rivals: tuple[Rival, Rival]
+    competing: tuple[CompetingModel, CompetingModel]
     runs: tuple[Run, Run]
     speed: float
     travel: tuple[float, float]
 
     @classmethod
-    def play(cls, rivals: tuple[Rival, Rival], torque: Array, *, sample_time: float, start: float) -> Trial:
+    def play(
+        cls, competing: tuple[CompetingModel, CompetingModel], torque: Array, *, sample_time: float, start: float
+    ) -> Trial:
         """Free simulation of both models from rest at an angle."""
         blank = blank_run(torque, sample_time)
         initial = np.array([start, 0.0])
-        predictions = [rival.predict(blank, rival.model.values, initial, 0.0, slopes=False) for rival in rivals]
+        predictions = [each.predict(blank, each.model.values, initial, 0.0, slopes=False) for each in competing]
         states = [np.nan_to_num(p.states[:2], nan=np.inf, posinf=np.inf, neginf=-np.inf) for p in predictions]
         outputs = [np.nan_to_num(p.output, nan=0.0, posinf=0.0, neginf=0.0) for p in predictions]
         return cls(
-            rivals=rivals,
+            competing=competing,
             runs=(replace(blank, output=outputs[0]), replace(blank, output=outputs[1])),
             speed=max(float(np.abs(s[1]).max()) for s in states),
             travel=(min(float(s[0].min()) for s in states), max(float(s[0].max()) for s in states)),
@@ -147,49 +149,49 @@ class Trial:
                 time.
         """
         tasks = self._tasks(start)
-        cells = [cell for task in tasks for cell in (task, *map(task.under, task.truth.doubts))]
+        cells = [cell for task in tasks for cell in (task, *map(task.under, task.truth.drawn_values))]
         places = list(weakest) if weakest else [0] * len(cells)
-        odds = np.array([cell.settled(cell.bandwidths[place]) for cell, place in zip(cells, places, strict=True)])
+        by_case = np.array([cell.settled(cell.bandwidths[place]) for cell, place in zip(cells, places, strict=True)])
 
-        def worth() -> float:
-            return float(np.min(np.mean(np.sqrt(odds.reshape(len(tasks), -1)), axis=1)) ** 2)
+        def least_mean() -> float:
+            return float(np.min(np.mean(np.sqrt(by_case.reshape(len(tasks), -1)), axis=1)) ** 2)
 
         for row, cell in enumerate(cells):
             first = places[row]
             for place, bandwidth in enumerate(cell.bandwidths):
-                if worth() <= above:
-                    return worth(), tuple(places)
-                log_odds = odds[row] if place == first else cell.settled(bandwidth)
-                if log_odds < odds[row]:
-                    odds[row], places[row] = log_odds, place
-        return worth(), tuple(places)
+                if least_mean() <= above:
+                    return least_mean(), tuple(places)
+                log_odds = by_case[row] if place == first else cell.settled(bandwidth)
+                if log_odds < by_case[row]:
+                    by_case[row], places[row] = log_odds, place
+        return least_mean(), tuple(places)
 
-    def _tasks(self, start: float) -> list[_Mimicry]:
+    def _tasks(self, start: float) -> list[_Refit]:
         """The cases; a special case as the true model is left out, for the general form explains it perfectly."""
-        pairs = zip(self.rivals, reversed(self.rivals), self.runs, strict=True)
+        pairs = zip(self.competing, reversed(self.competing), self.runs, strict=True)
         return [
-            _Mimicry(truth=truth, mimic=mimic, run=run, start=start)
-            for truth, mimic, run in pairs
-            if truth.contains(mimic) or not mimic.contains(truth)
+            _Refit(truth=truth, wrong=wrong, run=run, start=start)
+            for truth, wrong, run in pairs
+            if truth.contains(wrong) or not wrong.contains(truth)
         ]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Mimicry:
-    """A refit of the wrong model (`mimic`) to the output of the true one (`truth`)."""
+class _Refit:
+    """A refit of the wrong model (`wrong`) to the output of the true one (`truth`)."""
 
-    truth: Rival
-    mimic: Rival
+    truth: CompetingModel
+    wrong: CompetingModel
     run: Run
     start: float
 
     def first_order(self) -> Separation:
         """Separation after one Gauss-Newton step, at the larger of the two bandwidths."""
-        bandwidth = max(self.truth.bandwidth, self.mimic.bandwidth)
+        bandwidth = max(self.truth.bandwidth, self.wrong.bandwidth)
         here = self._linearised(self._origin, bandwidth)
-        return self._worth(here.cost, here.cost - _explained(here) if np.isfinite(here.cost) else np.inf)
+        return self._separation(here.cost, here.cost - _explained(here) if np.isfinite(here.cost) else np.inf)
 
-    def under(self, values: Array) -> _Mimicry:
+    def under(self, values: Array) -> _Refit:
         """The same with other values (P,) of the true model."""
         played = self.truth.predict(self.run, values, np.array([self.start, 0.0]), 0.0, slopes=False)
         return replace(self, run=replace(self.run, output=np.nan_to_num(played.output, posinf=0.0, neginf=0.0)))
@@ -199,11 +201,11 @@ class _Mimicry:
         """Observer bandwidths of the wrong model [rad/s], the larger of the two fitted ones first."""
         own, slower = self.truth.bandwidth, time_scale(self.run.sample_time)
         wider = (w / slower for w in _BANDWIDTHS if w / slower > own)
-        return tuple(dict.fromkeys((max(own, self.mimic.bandwidth), own, *wider)))
+        return tuple(dict.fromkeys((max(own, self.wrong.bandwidth), own, *wider)))
 
     def settled(self, bandwidth: float) -> float:
         """Log odds after the refit, for a bandwidth."""
-        specs = [self.mimic.model.parameters[place] for place in self.mimic.free]
+        specs = [self.wrong.model.parameters[place] for place in self.wrong.free]
         best = minimise(
             partial(self._linearised, bandwidth=bandwidth),
             self._origin,
@@ -213,35 +215,35 @@ class _Mimicry:
             iterations=_RETUNING,
         )
         quiet, loud = (noise_factor(w, self.run.sample_time) for w in (self.truth.bandwidth, bandwidth))
-        return self._worth(np.inf, best.equations.cost, loud / quiet).log_odds
+        return self._separation(np.inf, best.equations.cost, loud / quiet).log_odds
 
     @property
     def _origin(self) -> Array:
-        return np.concatenate((self.mimic.model.values[list(self.mimic.free)], (self.start, 0.0)))
+        return np.concatenate((self.wrong.model.values[list(self.wrong.free)], (self.start, 0.0)))
 
     def _linearised(self, point: Array, bandwidth: float) -> NormalEquations:
         """The least-squares problem of the refit in units of the noise; its cost includes the expected noise."""
-        mimic, sigma, count = self.mimic, self.truth.noise_std, len(self.mimic.free)
-        values = mimic.model.values
-        values[list(mimic.free)] = point[:count]
-        seen = mimic.predict(self.run, values, point[count:], bandwidth, slopes=True)
+        wrong, sigma, count = self.wrong, self.truth.noise_std, len(self.wrong.free)
+        values = wrong.model.values
+        values[list(wrong.free)] = point[:count]
+        seen = wrong.predict(self.run, values, point[count:], bandwidth, slopes=True)
         moved = point[:count] - self._origin[:count]
         with np.errstate(all="ignore"):
             data = NormalEquations.of(seen.innovations / sigma, seen.jacobian / sigma)
-            pull = mimic.information @ moved
+            pull = wrong.information @ moved
             gradient, information = data.gradient.copy(), data.information.copy()
             gradient[:count] += pull
-            information[:count, :count] += mimic.information
+            information[:count, :count] += wrong.information
             cost = data.cost + float(moved @ pull) + len(self.run)
         return NormalEquations(cost=cost, gradient=gradient, information=information)
 
-    def _worth(self, before: float, after: float, louder: float = 1.0) -> Separation:
+    def _separation(self, before: float, after: float, noise_ratio: float = 1.0) -> Separation:
         """Separation from the cost with the fitted parameters and with the refitted ones."""
         samples = len(self.run)
         whole, left = before - samples, min(max(after - samples, 0.0), before - samples)
         if not np.isfinite(left) or whole <= 0.0:  # a simulation that overflows decides nothing
             return Separation(log_odds=0.0, absorbed=1.0)
-        log_odds = 0.5 * samples * float(np.log(louder + left / samples))
+        log_odds = 0.5 * samples * float(np.log(noise_ratio + left / samples))
         return Separation(log_odds=log_odds, absorbed=1.0 - left / whole if np.isfinite(whole) else 1.0)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.experiment.reshaping import rearranged, reshaped
-from diagnosis.experiment.separation import Rival, Separation, Trial
+from diagnosis.experiment.separation import CompetingModel, Separation, Trial
 from diagnosis.experiment.signal_families import Signal, shapes
 from diagnosis.experiment.time_scale import time_scale
 from identification.log import Log
@@ -70,7 +70,7 @@ class Found:
     signal: Signal
     torque: Array
     trial: Trial
-    worth: Separation
+    separation: Separation
     log_odds: float
     weakest: tuple[int, ...] | None = None
 
@@ -79,7 +79,7 @@ class Found:
 class Design:
     """The design problem: two models, the limits and the duration."""
 
-    rivals: tuple[Rival, Rival]
+    competing: tuple[CompetingModel, CompetingModel]
     limits: Limits
     duration: float
     sample_time: float
@@ -97,17 +97,17 @@ class Design:
         trial = self.play(torque)
         if not self.limits.hold(trial):
             return None
-        worth = trial.first_order(self.start)
-        return Found(signal=signal, torque=torque, trial=trial, worth=worth, log_odds=worth.log_odds)
+        separation = trial.first_order(self.start)
+        return Found(signal=signal, torque=torque, trial=trial, separation=separation, log_odds=separation.log_odds)
 
     @property
     def effort(self) -> int:
         """Cost of one simulation: its integration steps per sample."""
-        return max(rival.substeps for rival in self.rivals)
+        return max(each.substeps for each in self.competing)
 
     def play(self, torque: Array) -> Trial:
         """Simulate the torque with both models."""
-        return Trial.play(self.rivals, torque, sample_time=self.sample_time, start=self.start)
+        return Trial.play(self.competing, torque, sample_time=self.sample_time, start=self.start)
 
     def coarse(self) -> Iterator[Found]:
         """All families on their grids, at the amplitudes of the ladder that keep the limits."""
@@ -159,7 +159,7 @@ class Design:
         leaders: dict[str, Found] = {}
         for found in self.coarse():
             kept = leaders.get(found.signal.family)
-            if kept is None or found.worth.log_odds > kept.worth.log_odds:
+            if kept is None or found.separation.log_odds > kept.separation.log_odds:
                 leaders[found.signal.family] = found
         if not leaders:
             raise BadParameter(

@@ -23,23 +23,23 @@ from plant.effects import Trace, catalogue
 _LARGE = 100.0  # standard errors; every effect of this size is detected
 
 
-def detectable(fit: Fit, asked: Collection[str]) -> dict[str, Estimate]:
+def detectable(fit: Fit, candidates: Collection[str]) -> dict[str, Estimate]:
     """Size at which each effect would be detected with a probability of 0.5, by name; other effects are left out.
 
     Args:
         fit: from which no effect is missing.
-        asked: the candidate effects.
+        candidates: the candidate effects.
     """
     screen = Screen.of(fit)
     found: dict[str, Estimate] = {}
-    for name in asked:
+    for name in candidates:
         kind = catalogue.get(name)
         specs = () if kind is None else kind.parameters()
-        traces = list(kind.traces(screen.motion)) if kind is not None else []
-        if len(specs) != 1 or len(traces) != 1 or traces[0].columns.shape[1] != 1:
+        shapes = list(kind.traces(screen.motion)) if kind is not None else []
+        if len(specs) != 1 or len(shapes) != 1 or shapes[0].columns.shape[1] != 1:
             continue
         (spec,) = specs
-        size = _standard_error(screen, traces[0]) * _noticed(2 if spec.lower < 0.0 else 1, len(asked))
+        size = _standard_error(screen, shapes[0]) * _noticed(2 if spec.lower < 0.0 else 1, len(candidates))
         found[name] = Estimate(value=size, std=None, unit=spec.unit_on(fit.model.axis, fit.model.torque_unit))
     return found
 

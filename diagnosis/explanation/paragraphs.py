@@ -14,7 +14,7 @@ from diagnosis.holdout import gain_errors
 from diagnosis.result import Findings
 from identification.standard_errors import bandwidth_std
 
-_CARRIES = 0.1  # share of the residual torque's variance from which a dependence on a variable is reported
+_LEAST_SHARE = 0.1  # share of the residual torque's variance from which a dependence on a variable is reported
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,14 +62,14 @@ def _missing(diagnosis: Findings) -> tuple[str, ...]:
     """The residual torque of the base model, the variable it depends on, and the observers of both models."""
     lacked, base, extended = diagnosis.residual_before, diagnosis.base, diagnosis.extended
     noise, inertia = float(lacked.band.mean()) / 1.96, base["inertia"]
-    doubt = np.sqrt(0.5 / base.samples + (0.0 if not inertia.std else inertia.std / base.model.inertia) ** 2)
+    relative_error = np.sqrt(0.5 / base.samples + (0.0 if not inertia.std else inertia.std / base.model.inertia) ** 2)
     lines = [
         f"Below {lacked.cutoff:.2g} Hz the residual {torque_or_force(lacked.unit)} of the base model is "
         f"{measured(lacked.rms, lacked.rms_std, lacked.unit)} rms. Measurement noise alone would give "
-        f"{measured(noise, noise * doubt, lacked.unit)}."
+        f"{measured(noise, noise * relative_error, lacked.unit)}."
     ]
     most = lacked.curves[0]
-    if most.share >= _CARRIES:
+    if most.share >= _LEAST_SHARE:
         lines.append(
             f"It depends on {most.variable}, which explains {percent(most.share, most.share_std)} of its variance."
         )

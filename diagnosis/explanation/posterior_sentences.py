@@ -9,14 +9,14 @@ from plant.effects.nonparametric import unnamed
 
 NOTHING = "nothing more"
 """Name of a set without effects."""
-_SAID = 0.05  # least probability of an alternative in a sentence
+_LEAST_PROBABILITY = 0.05  # least probability of an alternative in a sentence
 _MOST = 4  # largest number of alternatives in a sentence
 
 
 def posterior_sentences(diagnosis: Findings) -> tuple[str, ...]:
     """Sentences on the certain effects, then on all others."""
-    sure = [title_of(name, diagnosis) for name in sorted(_settled(diagnosis))]
-    return (*([f"Probability above 90 %: {joined_words(sure)}."] if sure else []), *open_sentences(diagnosis))
+    settled = [title_of(name, diagnosis) for name in sorted(_settled(diagnosis))]
+    return (*([f"Probability above 90 %: {joined_words(settled)}."] if settled else []), *open_sentences(diagnosis))
 
 
 def open_sentences(diagnosis: Findings) -> tuple[str, ...]:
@@ -57,20 +57,22 @@ def _either_or(diagnosis: Findings, settled: set[str]) -> list[str]:
     for each in diagnosis.sets:
         title = set_title(each, diagnosis, settled)
         shares[title] = shares.get(title, 0.0) + each.probability
-    told = sorted((item for item in shares.items() if item[1] >= _SAID), key=lambda item: -item[1])[:_MOST]
-    if len(told) < 2 or told[0][0] == NOTHING:
+    likeliest = sorted((item for item in shares.items() if item[1] >= _LEAST_PROBABILITY), key=lambda item: -item[1])[
+        :_MOST
+    ]
+    if len(likeliest) < 2 or likeliest[0][0] == NOTHING:
         return []
-    return [f"Alternatives: {joined_words([f'{title} ({percent(share)})' for title, share in told], 'or')}."]
+    return [f"Alternatives: {joined_words([f'{title} ({percent(share)})' for title, share in likeliest], 'or')}."]
 
 
 def _minor(diagnosis: Findings) -> list[str]:
     """The minor effects, in one sentence."""
     unit = diagnosis.residual_before.unit
-    told = [
+    items = [
         f"{title_of(each.effect, diagnosis)}{f' ({measured(each.rms, None, unit)} rms)' if each.rms else ''}"
         for each in diagnosis.minor
     ]
-    if not told:
+    if not items:
         return []
     acts = torque_or_force(unit)
-    return [f"Minor: {joined_words(told)}, no larger than the unexplained {acts}; it may be a part of that."]
+    return [f"Minor: {joined_words(items)}, no larger than the unexplained {acts}; it may be a part of that."]

@@ -129,10 +129,10 @@ def _along(grown: CumulativeEvidence | None) -> str:
 def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> list[str]:
     """Why the data do not separate a cause from its alternatives, and which experiment could."""
     kind = effect_of(diagnosis, cause.effect)
-    rivals = [name for name, share in cause.alternatives if share > _OPEN]
-    names = joined_words([title_of(name, diagnosis) for name in (cause.effect, *rivals)])
+    alternatives = [name for name, share in cause.alternatives if share > _OPEN]
+    names = joined_words([title_of(name, diagnosis) for name in (cause.effect, *alternatives)])
     lines = []
-    if rivals:
+    if alternatives:
         lines.append(
             f"This log does not tell {names} apart. An effect is named alone if its probability is above "
             f"{percent(SURE)}."
@@ -142,7 +142,7 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
             f"The unexplained {torque_or_force(diagnosis.residual_before.unit)} is about as large as {names}, which "
             "may be part of it. Record a longer log, or a motion that excites the effect more."
         )
-    for other in (effect_of(diagnosis, name) for name in rivals):
+    for other in (effect_of(diagnosis, name) for name in alternatives):
         if kind is not None and other is not None:
             known = other.name in kind.confused_with or kind.name in other.confused_with
             look = "; the two are known to be confounded" if known else ""
@@ -153,27 +153,27 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
 def reason_for_none(diagnosis: Findings) -> Reason:
     """Why a diagnosis reports no effect."""
     title = "Why no effect is named"
-    asked = len(diagnosis.rejected) + len(diagnosis.minor)
+    tried = len(diagnosis.rejected) + len(diagnosis.minor)
     nearest = next((f" The most probable of them is {_rejected(diagnosis, each)}" for each in diagnosis.rejected), "")
     if diagnosis.verdict == "nothing_missing":
         lines = [
-            f"{asked} effects were tried. None improves the fit enough to justify its parameters.{nearest}",
+            f"{tried} effects were tried. None improves the fit enough to justify its parameters.{nearest}",
             *_could_hide(diagnosis),
         ]
         return Reason(title=title, effect=None, sentences=tuple(lines))
-    likely = max(diagnosis.unknown.probability, diagnosis.unknown.measurement_error)
+    unknown = max(diagnosis.unknown.probability, diagnosis.unknown.measurement_error)
     lines = [
-        f"{asked} effects were tried. None is both probable and larger than what no effect explains: "
-        f"{unexplained(diagnosis)} (probability {percent(likely)}).{nearest}",
+        f"{tried} effects were tried. None is both probable and larger than what no effect explains: "
+        f"{unexplained(diagnosis)} (probability {percent(unknown)}).{nearest}",
         *filter(None, (diagnosis.only_in_validation,)),
     ]
     grown = seen = None
     if diagnosis.extended is not diagnosis.base:
         base, extended = diagnosis.base, diagnosis.extended
-        carried = [effect.title for effect in extended.model.effects if base.model.effect(effect.name) is None]
+        nonparametric = [effect.title for effect in extended.model.effects if base.model.effect(effect.name) is None]
         more = rise(extended.log_likelihood - base.log_likelihood)
         grown, seen = cumulative_evidence(base, extended), residual_over_variable(base, extended)
-        lines += [f"A {joined_words(carried)} raises the log-likelihood by {more}.", _along(grown)]
+        lines += [f"A {joined_words(nonparametric)} raises the log-likelihood by {more}.", _along(grown)]
     return Reason(
         title=title,
         effect=None,
@@ -190,10 +190,10 @@ def _rejected(diagnosis: Findings, each: Rejected) -> str:
 def _could_hide(diagnosis: Findings) -> list[str]:
     """Limits of detection in one sentence."""
     sizes = detectable(diagnosis.base, [each.effect for each in diagnosis.rejected])
-    told = [f"{title_of(name, diagnosis)} {e.value:.2g} {e.unit}".removesuffix(" -") for name, e in sizes.items()]
-    if not told:
+    texts = [f"{title_of(name, diagnosis)} {e.value:.2g} {e.unit}".removesuffix(" -") for name, e in sizes.items()]
+    if not texts:
         return []
     return [
-        f"Smaller effects may be hidden. Sizes that this log shows with a probability of 50 %: {joined_words(told)}. "
+        f"Smaller effects may be hidden. Sizes that this log shows with a probability of 50 %: {joined_words(texts)}. "
         "Effects of half that size are almost never detected."
     ]

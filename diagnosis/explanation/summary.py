@@ -22,7 +22,7 @@ from diagnosis.holdout import gain_errors
 from diagnosis.levels import SURE
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
-from diagnosis.verdict import in_doubt, of_the_measurement
+from diagnosis.verdict import is_uncertain, of_the_measurement
 
 _LATE = "The torque of this log was measured, and its measurement is late."
 
@@ -61,9 +61,9 @@ def _of_causes(diagnosis: Findings) -> str:
     """The effects that the model lacks with certainty or probably."""
     causes = diagnosis.causes
     named = [title_of(cause.effect) for cause in causes if cause.probability > SURE]
-    unsure = [cause for cause in causes if cause.probability <= SURE]
-    open_ones = list(dict.fromkeys(title_of(name) for cause in unsure for name in _likeliest_first(cause)))
-    torn = any(_close(cause) for cause in unsure)
+    uncertain = [cause for cause in causes if cause.probability <= SURE]
+    open_ones = list(dict.fromkeys(title_of(name) for cause in uncertain for name in _likeliest_first(cause)))
+    torn = any(_close(cause) for cause in uncertain)
     known = f"The model lacks {joined_words(named)}" if named else ""
     acts = torque_or_force(diagnosis.residual_before.unit)
     which = "; this log does not show which" if torn else f"; the unexplained {acts} is about as large"
@@ -71,21 +71,23 @@ def _of_causes(diagnosis: Findings) -> str:
     if known and unclear:
         return f"{known}. It also {unclear}."
     if diagnosis.verdict == "ambiguous" and not unclear:
-        return f"{known}. It may also lack {_in_doubt(diagnosis, acts)}."
+        return f"{known}. It may also lack {_uncertain(diagnosis, acts)}."
     return f"{known}." if known else f"The model {unclear}."
 
 
-def _in_doubt(diagnosis: Findings, acts: str) -> str:
+def _uncertain(diagnosis: Findings, acts: str) -> str:
     """Further effects that may be missing: uncertain minor ones, else those that the log does not identify."""
-    small = [each.effect for each in diagnosis.minor if in_doubt(each.probability)]
+    small = [each.effect for each in diagnosis.minor if is_uncertain(each.probability)]
     if small:
         return f"{joined_words([title_of(name) for name in small])}; the unexplained {acts} is about as large"
     causes = {cause.effect for cause in diagnosis.causes}
     others = {name for each in diagnosis.sets for name in each.effects if not special_cases(name) & causes}
-    told = {name: sum(each.probability for each in diagnosis.sets if name in each.effects) for name in others}
-    ranked = sorted(told, key=lambda name: (-told[name], name))
-    open_ones = [name for name in ranked if in_doubt(told[name])] or ranked  # one of many improbable ones may act
-    listed = [f"{title_of(name)} (probability {percent(told[name])})" for name in open_ones]
+    probabilities = {name: sum(each.probability for each in diagnosis.sets if name in each.effects) for name in others}
+    ranked = sorted(probabilities, key=lambda name: (-probabilities[name], name))
+    open_ones = [
+        name for name in ranked if is_uncertain(probabilities[name])
+    ] or ranked  # one of many improbable ones may act
+    listed = [f"{title_of(name)} (probability {percent(probabilities[name])})" for name in open_ones]
     return f"{joined_words(listed) or 'something else'}; this log does not show whether it does"
 
 

@@ -53,10 +53,10 @@ def measured(value: float, std: float | None, unit: str = "") -> str:
     value, std = value / 10.0**tens, std / 10.0**tens
     last = int(np.floor(np.log10(std)))
     last -= f"{std:e}"[0] in "12"
-    said = f"{round(value, -last):.{max(-last, 0)}f} ± {round(std, -last):.{max(-last, 0)}f}"
+    text = f"{round(value, -last):.{max(-last, 0)}f} ± {round(std, -last):.{max(-last, 0)}f}"
     if tens and not prefix:
-        said = f"({said})e{tens:+03d}"
-    return f"{said} {prefix}{unit}".rstrip()
+        text = f"({text})e{tens:+03d}"
+    return f"{text} {prefix}{unit}".rstrip()
 
 
 def strength(log_bayes: float) -> str:

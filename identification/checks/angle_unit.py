@@ -18,7 +18,7 @@ FASTEST_LOAD = 1000.0  # [rad/s], 9550 rpm on the load's side
 _LEVELS, _MOST_LINES = 20, 2**26  # least number of distinct values, most steps per turn
 _COUNTS = {"rotary": ("angle", "turn/4096", "deg"), "linear": ("position", "mm/1000", "mm")}
 _LUCK = 1e-3  # error of the exponent of two: one encoder in 500 is as near to a power by chance
-_FELT = 0.01  # least share of the torque's variance that gravity must explain
+_LEAST_EXPLAINED = 0.01  # least share of the torque's variance that gravity must explain
 
 
 def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
@@ -67,7 +67,7 @@ def gravity_in_degrees(recording: Recording) -> bool:
     if recording.servo_gain.any() or np.ptp(recording.output[recording.valid]) < 180.0:
         return False
     part, seen = views(recording)
-    told, felt = [], 0.0
+    statistics, explained = [], 0.0
     for view in seen:
         angle = view.behind(part.output)
         command = view.behind(part.command)
@@ -75,9 +75,9 @@ def gravity_in_degrees(recording: Recording) -> bool:
         as_read, in_degrees = (
             _left(command, [view.friction, *other, np.cos(x), np.sin(x)]) for x in (angle, np.deg2rad(angle))
         )
-        told.append(student(as_read - in_degrees, as_read + in_degrees))
-        felt = max(felt, float(np.mean(as_read - in_degrees)) / max(float(command.var()), 1e-300))
-    return bool(told) and undisputed(told) > SURE and felt > _FELT
+        statistics.append(student(as_read - in_degrees, as_read + in_degrees))
+        explained = max(explained, float(np.mean(as_read - in_degrees)) / max(float(command.var()), 1e-300))
+    return bool(statistics) and undisputed(statistics) > SURE and explained > _LEAST_EXPLAINED
 
 
 def _left(command: Array, columns: Sequence[Array]) -> Array:

@@ -26,7 +26,7 @@ _LENGTHS = ((1e3, "mm", "m"), (1e-3, "m", "mm"), (1e6, "um", "m"), (1e-6, "m", "
 _FOLLOWS = 0.9  # least correlation of a servo's output with its set-point
 _ANSWERS = 0.5  # [s] longest delay of the output
 _ONE_UNIT = 6.0  # ratio of output to set-point that no servo has if both are in one unit
-_TEETH = 0.35  # largest logarithm of the ratio of two pinions of one gear
+_LARGEST_RATIO = 0.35  # largest logarithm of the ratio of two pinions of one gear
 _SLOW_TO_FAST = 3.0  # ratio of load to motor that no reducing gear has
 
 
@@ -65,19 +65,19 @@ def _unit_of(recording: Recording, name: str) -> Finding | None:
     ratio = _ratio_to(recording, name)
     if ratio is None:
         return None
-    asked, output = recording.name(name), recording.name("output")
+    channel, output = recording.name(name), recording.name("output")
     column = "angle" if recording.axis == "rotary" else "position"
     for factor, of_output, of_wanted in _ANGLES if recording.axis == "rotary" else _LENGTHS:
         if ratio > 0 and abs(np.log(ratio / factor)) < 0.15:
             option = f"{name}={of_wanted}" if of_output in ("rad", "m") else f"{column}={of_output}"
             text = (
-                f"{recording.label}: '{output}' moves {ratio:.4g} times as far as '{asked}', which is the factor "
+                f"{recording.label}: '{output}' moves {ratio:.4g} times as far as '{channel}', which is the factor "
                 f"of a unit: try --unit {option}, or give the right unit of one of them"
             )
             return Finding(kind=f"unit of {name}", repaired=False, text=text)
     if -1.25 < ratio < -0.8:
         text = (
-            f"{recording.label}: '{output}' moves against '{asked}', so one of them has the wrong sign: "
+            f"{recording.label}: '{output}' moves against '{channel}', so one of them has the wrong sign: "
             f"--scale {name}=-1 turns it"
         )
         return Finding(kind=f"sign of {name}", repaired=False, text=text)
@@ -93,8 +93,8 @@ def _ratio_to(recording: Recording, name: str) -> float | None:
     later = range(0, latest + 1, max(1, latest // 50))
     found = [_slope(wanted[: len(wanted) - lag][sound[lag:]], output[lag:][sound[lag:]]) for lag in later]
     at_once, best = found[0], max(found)  # a reversed sign shows without delay
-    alike, ratio = at_once if abs(at_once[0]) >= _FOLLOWS else best
-    return ratio if abs(alike) >= _FOLLOWS else None
+    correlation, ratio = at_once if abs(at_once[0]) >= _FOLLOWS else best
+    return ratio if abs(correlation) >= _FOLLOWS else None
 
 
 def _shafts(recording: Recording) -> Iterable[Finding]:
@@ -118,7 +118,7 @@ def _shafts(recording: Recording) -> Iterable[Finding]:
         text = f"{recording.label}: {names}, but both drive one gear in the same direction: one has the wrong sign"
         yield Finding(kind="sign of a shaft", repaired=False, text=text)
     for factor in (180 / np.pi, 1e3):
-        if abs(abs(np.log(abs(ratio))) - np.log(factor)) < _TEETH:
+        if abs(abs(np.log(abs(ratio))) - np.log(factor)) < _LARGEST_RATIO:
             column = "angle_1" if abs(ratio) > 1 else "angle_2"
             unit = "mrad" if factor == 1e3 else "deg"
             text = f"{recording.label}: {names}, which is about the factor of a unit: try --unit {column}={unit}"
@@ -138,15 +138,17 @@ def _pinion_torques(recording: Recording) -> Iterable[Finding]:
     if left @ left > 0.01 * float(recording.command @ recording.command):
         return
     first, second = first / size[0], second / size[1]
-    says = (
+    statement = (
         f"{recording.label}: '{recording.name('command')}' is {first:+.4g} '{recording.name('torque_1')}' "
         f"{second:+.4g} '{recording.name('torque_2')}'"
     )
     if first * second < 0:
-        text = f"{says}, but two drives of one gear act in the same direction: one torque has the wrong sign"
+        text = f"{statement}, but two drives of one gear act in the same direction: one torque has the wrong sign"
         yield Finding(kind="sign of a torque", repaired=False, text=text)
     elif max(first / second, second / first) > 50:
-        text = f"{says}, and no two gears differ so much: give the units of both, for example --unit torque_1='mN m'"
+        text = (
+            f"{statement}, and no two gears differ so much: give the units of both, for example --unit torque_1='mN m'"
+        )
         yield Finding(kind="unit of a torque", repaired=False, text=text)
 
 
@@ -157,15 +159,15 @@ def _ratio(channel: Array, output: Array, recording: Recording, window: int | No
         span = max(1, len(output) // window)
         sound = sound[span:] & sound[:-span]
         channel, output = channel[span:] - channel[:-span], output[span:] - output[:-span]
-    alike, slope = _slope(channel[sound], output[sound])
-    return slope if abs(alike) >= _FOLLOWS else None
+    correlation, slope = _slope(channel[sound], output[sound])
+    return slope if abs(correlation) >= _FOLLOWS else None
 
 
-def _slope(asked: Array, moved: Array) -> tuple[float, float]:
+def _slope(one: Array, other: Array) -> tuple[float, float]:
     """Correlation and slope of a motion over the requested one; zeros if one of them is constant."""
-    if len(asked) < 2 or np.ptp(asked) == 0 or np.ptp(moved) == 0:
+    if len(one) < 2 or np.ptp(one) == 0 or np.ptp(other) == 0:
         return 0.0, 0.0
-    asked, moved = asked - asked.mean(), moved - moved.mean()
-    size = float(asked @ asked) * float(moved @ moved)
-    shared = float(asked @ moved)
-    return (shared / np.sqrt(size), shared / float(asked @ asked)) if size > 0 else (0.0, 0.0)
+    one, other = one - one.mean(), other - other.mean()
+    size = float(one @ one) * float(other @ other)
+    shared = float(one @ other)
+    return (shared / np.sqrt(size), shared / float(one @ one)) if size > 0 else (0.0, 0.0)

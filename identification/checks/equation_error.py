@@ -61,8 +61,8 @@ class Profile:
         """The shift of the least residual, interpolated by a parabola [s]."""
         k = self.best
         left, least, right = self.residual[k - 1 : k + 2]
-        bend = left - 2 * least + right
-        part = 0.5 * (left - right) / bend if bend > 0 else 0.0
+        curvature = left - 2 * least + right
+        part = 0.5 * (left - right) / curvature if curvature > 0 else 0.0
         return float(self.shifts[k] + part * (self.shifts[1] - self.shifts[0]))
 
     def evidence(self, start: float, stop: float) -> float:
@@ -73,12 +73,12 @@ class Profile:
         outside = (self.shifts <= start) | (self.shifts >= stop)
         if outside[self.best] or not (outside[0] and outside[-1]):
             return 0.0
-        rival = int(np.argmin(np.where(outside, self.residual, np.inf)))
-        gain = self.blocks[:, rival] - self.blocks[:, self.best]
+        second_best = int(np.argmin(np.where(outside, self.residual, np.inf)))
+        gain = self.blocks[:, second_best] - self.blocks[:, self.best]
         least = max(float(self.residual[self.best]), 1e-12)
         if gain.sum() <= gain.max():
             return 0.0
-        return 0.5 * self.independent * float(np.log(self.residual[rival] / least))
+        return 0.5 * self.independent * float(np.log(self.residual[second_best] / least))
 
 
 def profiles(recording: Recording, count: int = 2) -> list[Profile]:

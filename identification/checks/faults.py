@@ -105,8 +105,8 @@ def find_wraps(values: Array, index: NDArray[np.int64], turn: float | None, step
     usual = np.array([np.median(np.abs(motion[max(0, j - 5) : j + 6])) for j in jumps]) * spacing[jumps]
     noise = 1.4826 * float(np.median(np.abs(motion - np.median(motion))))
     slack = 3 * usual + 2 * step + 6 * noise
-    alike = np.abs(motion * spacing)[jumps] <= slack
-    if np.mean(alike) < 0.9 or np.any(period < 8 * usual) or np.ptp(values) < 0.8 * period or span > 1.02 * period:
+    same_size = np.abs(motion * spacing)[jumps] <= slack
+    if np.mean(same_size) < 0.9 or np.any(period < 8 * usual) or np.ptp(values) < 0.8 * period or span > 1.02 * period:
         return none
     return np.append(0.0, -period * np.cumsum(np.round(steps / period))), period
 
@@ -122,8 +122,8 @@ def find_flat_tops(values: Array, step: float) -> NDArray[np.bool_]:
     if len(values) < 7:
         return clipped
     ends = (values == values.max()) | (values == values.min())
-    bends = np.abs(np.diff(values, 2))[np.convolve(ends, np.ones(7), "same")[1:-1] == 0]
-    least = max(10 * step, 2 * float(np.quantile(bends, 0.99)) if len(bends) else 0.0)
+    curvature = np.abs(np.diff(values, 2))[np.convolve(ends, np.ones(7), "same")[1:-1] == 0]
+    least = max(10 * step, 2 * float(np.quantile(curvature, 0.99)) if len(curvature) else 0.0)
     for extreme, sign in ((values.max(), 1.0), (values.min(), -1.0)):
         room = sign * (extreme - values)  # from each sample to the end of scale
         tops = [(start, stop) for start, stop in stretches(room == 0) if stop - start >= 3]

@@ -29,27 +29,29 @@ def find_jumps(values: Array, time: Array, step: float) -> tuple[NDArray[np.int6
     if count < 10 * _SIDE:
         return none
     size, misfit, speed = _mismatch(values)
-    excess = np.abs(size)
-    candidate = (excess > _OVER_MISFIT * misfit) & (excess > _OVER_SPEED * speed) & (excess > _OVER_QUANTUM * step)
+    size_left = np.abs(size)
+    candidate = (
+        (size_left > _OVER_MISFIT * misfit) & (size_left > _OVER_SPEED * speed) & (size_left > _OVER_QUANTUM * step)
+    )
     steps = np.diff(time)[_SIDE - 1 : count - _SIDE]
     candidate &= steps < 1.5 * np.median(steps)
     places = np.flatnonzero(candidate)
     # A jump may be visible at neighbouring samples too: keep the greatest within a window.
-    standing = np.where(candidate, excess, 0.0)
+    standing = np.where(candidate, size_left, 0.0)
     places = np.array(
         [p for p in places if standing[p] == standing[max(0, p - _SIDE) : p + _SIDE + 1].max()], dtype=int
     )
     if len(places) == 0:
         return none
-    away = np.ones(len(excess), dtype=bool)
+    away = np.ones(len(size_left), dtype=bool)
     for place in places:
         away[max(0, place - 2 * _SIDE) : place + 2 * _SIDE + 1] = False
-    elsewhere = float(excess[away].max(initial=0.0))
-    places = places[np.argsort(excess[places])]
+    elsewhere = float(size_left[away].max(initial=0.0))
+    places = places[np.argsort(size_left[places])]
     for kept in range(len(places)):  # jumps of the machine are many and of all sizes: find a gap
-        below = max(elsewhere, float(excess[places[kept - 1]]) if kept else 0.0)
+        below = max(elsewhere, float(size_left[places[kept - 1]]) if kept else 0.0)
         rest = len(places) - kept
-        if excess[places[kept]] > _OVER_ELSEWHERE * below and rest * _FEW <= max(count, _FEW):
+        if size_left[places[kept]] > _OVER_ELSEWHERE * below and rest * _FEW <= max(count, _FEW):
             chosen = np.sort(places[kept:])
             return chosen + _SIDE, size[chosen]
     return none

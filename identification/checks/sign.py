@@ -149,26 +149,26 @@ def student(values: Array, weight: Array) -> float:
     return float(sums.sum()) / scatter if scatter > 0 else 0.0
 
 
-def undisputed(told: Sequence[float]) -> float:
+def undisputed(statistics: Sequence[float]) -> float:
     """The largest t in magnitude over the views; 0 if another view contradicts it."""
-    best = max(told, key=abs)
-    return 0.0 if any(t * np.sign(best) < -DOUBTFUL for t in told) else best
+    best = max(statistics, key=abs)
+    return 0.0 if any(t * np.sign(best) < -DOUBTFUL for t in statistics) else best
 
 
 def usable_witnesses(command: Array, seen: Sequence[View]) -> Witnesses:
     """Both statistics of a command (T,)."""
-    told = [view.inertia(command) for view in seen]
-    view = seen[int(np.argmax(np.abs(told)))]
-    return Witnesses(inertia=undisputed(told), work=view.work(command))
+    statistics = [view.inertia(command) for view in seen]
+    view = seen[int(np.argmax(np.abs(statistics)))]
+    return Witnesses(inertia=undisputed(statistics), work=view.work(command))
 
 
 def opposed(first: Array, second: Array, seen: Sequence[View]) -> bool:
     """Whether the motion explains the difference of two torques (T,) significantly better than their sum."""
-    told = []
+    statistics = []
     for view in seen:
         of_sum, of_difference = view.unexplained(first + second), view.unexplained(first - second)
-        told.append(student(of_sum - of_difference, of_sum + of_difference))
-    return undisputed(told) > SURE
+        statistics.append(student(of_sum - of_difference, of_sum + of_difference))
+    return undisputed(statistics) > SURE
 
 
 def sign_of_the_command(recording: Recording) -> Iterable[Finding]:
@@ -208,8 +208,8 @@ def _turned(part: Recording, seen: Sequence[View]) -> tuple[str, ...]:
         return (_column(part),) if usable_witnesses(part.command, seen).against else ()
     first, second = pair
     if opposed(first, second, seen):
-        told = usable_witnesses(first - second, seen)
-        drives = told.inertia if abs(told.inertia) > SURE else told.work
+        witnesses = usable_witnesses(first - second, seen)
+        drives = witnesses.inertia if abs(witnesses.inertia) > SURE else witnesses.work
         return ("torque_2",) if drives > 0 else ("torque_1",)
     return ("torque_1", "torque_2") if usable_witnesses(part.command, seen).against else ()
 

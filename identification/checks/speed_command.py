@@ -45,12 +45,12 @@ def speed_for_torque(recording: Recording) -> Iterable[Finding]:
             name = recording.name("command")
             possible = "command" in recording.stated or unit is None
             what = f"the speed of '{recording.name('output')}'" + (f" in {unit}" if unit else f" times {factor:.4g}")
-            said = (
+            statement = (
                 "so the load has neither inertia nor dry friction, or a speed was taken for the torque"
                 if possible
                 else "so a speed or its set-point was taken for what drives the load; name the torque, current or "
                 "voltage with --map torque=COLUMN"
             )
-            text = f"{recording.label}: '{name}' is {what}, {said}"
+            text = f"{recording.label}: '{name}' is {what}, {statement}"
             yield Finding(kind="speed as command", repaired=False, text=text, unusable=not possible)
             return

@@ -33,22 +33,24 @@ def cut_standstill(
     if all(rest == (len(one), len(one)) for one, rest in zip(recordings, rests, strict=True)):
         return list(recordings), list(findings)
     kept: list[Recording] = []
-    told = list(findings)
+    reported = list(findings)
     for recording, (before, after) in zip(recordings, rests, strict=True):
         if before == len(recording):
             if _held(recording, slice(None), spans["command"]):
                 kept.append(recording)
             else:
                 text = f"{recording.label}: left out, as neither '{recording.name('command')}' nor the load moves in it"
-                told = [
-                    one for one in told if one.kind != "never turns" or not one.text.startswith(f"{recording.label}:")
+                reported = [
+                    one
+                    for one in reported
+                    if one.kind != "never turns" or not one.text.startswith(f"{recording.label}:")
                 ]
-                told.append(Finding(kind="idle", repaired=True, text=text))
+                reported.append(Finding(kind="idle", repaired=True, text=text))
             continue
         cut, text = _cut(recording, before, after, spans["command"])
         kept.append(cut)
-        told += [Finding(kind="idle ends", repaired=True, text=text)] if text else []
-    return kept, told
+        reported += [Finding(kind="idle ends", repaired=True, text=text)] if text else []
+    return kept, reported
 
 
 def _span(channels: Sequence[Array]) -> float:

@@ -34,7 +34,7 @@ class FlankSamples:
         loading: (N, 2) whether friction lowers the magnitude of the transmitted torque; otherwise it raises it.
         torque: (N, 2) of each drive [N m].
         rotors: (N, 2) angle of each rotor [rad].
-        reading: (N,) angle measured by the load's encoder [rad].
+        measured: (N,) angle measured by the load's encoder [rad].
     """
 
     visit: NDArray[np.int64]
@@ -42,7 +42,7 @@ class FlankSamples:
     loading: NDArray[np.bool_]
     torque: Array
     rotors: Array
-    reading: Array
+    measured: Array
 
 
 def flank_samples(run: Run, gears: DriveTrain) -> FlankSamples:
@@ -52,10 +52,12 @@ def flank_samples(run: Run, gears: DriveTrain) -> FlankSamples:
     """
     if run.torques is None or run.drive_angles is None:
         raise MalformedLog(f"{run.label}: lost motion needs torque_1, torque_2, angle_1, angle_2 beside the angle.")
-    told = run.torques * gears.torque_map
-    torque = 0.5 * (told + np.vstack((told[:1], told[:-1])))  # a torque held in steps acts as a ramp half a step later
+    commanded = run.torques * gears.torque_map
+    torque = 0.5 * (
+        commanded + np.vstack((commanded[:1], commanded[:-1]))
+    )  # a torque held in steps acts as a ramp half a step later
     rotors = run.drive_angles / (gears.pre_reductions * gears.angle_map)
-    visit = _visits(np.where(np.prod(told, axis=1) < 0.0, np.sign(told[:, 1]), 0.0))
+    visit = _visits(np.where(np.prod(commanded, axis=1) < 0.0, np.sign(commanded[:, 1]), 0.0))
     motion = np.column_stack([_motion(column) for column in rotors.T])
     use = run.valid & (visit >= 0) & np.all(motion != 0.0, axis=1)
     flank = np.sign(torque[use])
@@ -65,16 +67,16 @@ def flank_samples(run: Run, gears: DriveTrain) -> FlankSamples:
         loading=flank == motion[use],
         torque=torque[use],
         rotors=rotors[use],
-        reading=run.output[use],
+        measured=run.output[use],
     )
 
 
-def _visits(sense: Array) -> NDArray[np.int64]:
+def _visits(direction: Array) -> NDArray[np.int64]:
     """(T,) number of the visit, -1 outside and during settling; short stretches are bounces at a reversal."""
-    edges = np.concatenate(([0], np.flatnonzero(np.diff(sense)) + 1, [sense.size]))
-    stretches = [(first, last) for first, last in pairwise(edges) if sense[first] != 0.0]
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(direction)) + 1, [direction.size]))
+    stretches = [(first, last) for first, last in pairwise(edges) if direction[first] != 0.0]
     longest = max((last - first for first, last in stretches), default=0)
-    visit = np.full(sense.size, -1)
+    visit = np.full(direction.size, -1)
     for number, (first, last) in enumerate(stretches):
         if last - first > longest // 2:
             visit[first + int(np.ceil(_SETTLED * (last - first))) : last] = number
@@ -92,6 +94,6 @@ def _motion(rotor: Array) -> Array:
     if 2 * reach >= rotor.size:
         return found
     before, after = rotor[reach:-reach] - rotor[: -2 * reach], rotor[2 * reach :] - rotor[reach:-reach]
-    sure = np.minimum(np.abs(before), np.abs(after)) > _COUNTS * resolution
-    found[reach:-reach] = np.where(sure & (before * after > 0.0), np.sign(before), 0.0)
+    clear = np.minimum(np.abs(before), np.abs(after)) > _COUNTS * resolution
+    found[reach:-reach] = np.where(clear & (before * after > 0.0), np.sign(before), 0.0)
     return found

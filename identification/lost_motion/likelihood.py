@@ -54,7 +54,9 @@ def most_likely(samples: FlankSamples) -> SweepEstimate:
     size, axes = np.linalg.eigh(sweep.curvature(found.x))
     root = sweep.basis @ (axes[:10] / np.sqrt(np.maximum(size, _NOTHING)))
     noise = sweep.noise(float(found.x[10]))[0]
-    return SweepEstimate(numbers=sweep.basis @ found.x[:10], covariance=sweep.alike(noise) * root @ root.T, noise=noise)
+    return SweepEstimate(
+        numbers=sweep.basis @ found.x[:10], covariance=sweep.correlation_factor(noise) * root @ root.T, noise=noise
+    )
 
 
 class _Sweep:
@@ -71,15 +73,15 @@ class _Sweep:
         first, second = (_columns(samples, drive) for drive in (0, 1))
         self._apart, self._of_apart = samples.rotors[:, 0] - samples.rotors[:, 1], np.hstack((first, -second))
         self._middle, self._of_middle = samples.rotors.mean(axis=1), 0.5 * np.hstack((first, second))
-        self._reading = samples.reading
+        self._measured = samples.measured
         left = _left(self._of_apart, self._apart)
-        self._alike = _alike(left, samples.visit)
+        self._correlation = _correlation_factor(left, samples.visit)
         repeated = max(np.unique(samples.visit).size / 2.0, 1.0)  # the visits of a flank may have the same rounding
-        spread = float(np.std(left)) * np.sqrt(self._alike * repeated)
-        off = self._middle - self._reading
+        spread = float(np.std(left)) * np.sqrt(self._correlation * repeated)
+        off = self._middle - self._measured
         self._least_noise = 0.5 * float(np.std(left))  # the motors' share
         self._scale = max(float(np.std(_left(self._of_middle, off))), self._least_noise)
-        self._count = max(quantum(samples.reading), _FINE * self._scale)
+        self._count = max(quantum(samples.measured), _FINE * self._scale)
         stacked = np.vstack((self._of_apart / spread, self._of_middle / self._scale))
         orthogonal, triangle = np.linalg.qr(stacked)
         self.basis = np.linalg.inv(triangle)
@@ -93,30 +95,30 @@ class _Sweep:
         by = unknown * (self._scale / noise) ** 2
         return noise, by, (self._scale / noise) ** 2 - 2.0 * by**2
 
-    def alike(self, noise: float) -> float:
+    def correlation_factor(self, noise: float) -> float:
         """Number of load measurements per independent one: the motors' share of their noise is correlated."""
-        return 1.0 + (self._least_noise / noise) ** 2 * (self._alike - 1.0)
+        return 1.0 + (self._least_noise / noise) ** 2 * (self._correlation - 1.0)
 
     def value_and_slope(self, unknowns: Array) -> tuple[float, Array]:
         """Minus the log-likelihood, and its gradient (11,)."""
         noise, by, _ = self.noise(float(unknowns[10]))
         left = self._apart - self._of_apart @ unknowns[:10]
         expected = self._middle - self._of_middle @ unknowns[:10]
-        told = quantised_likelihood(self._reading, expected, count=self._count, noise=noise)
-        slope = self._of_middle.T @ told.slope[:, 0] - self._of_apart.T @ left
-        value = 0.5 * float(left @ left) - float(np.sum(told.value))
-        return value, np.append(slope, -by * np.sum(told.slope[:, 1]))
+        likelihood = quantised_likelihood(self._measured, expected, count=self._count, noise=noise)
+        slope = self._of_middle.T @ likelihood.slope[:, 0] - self._of_apart.T @ left
+        value = 0.5 * float(left @ left) - float(np.sum(likelihood.value))
+        return value, np.append(slope, -by * np.sum(likelihood.slope[:, 1]))
 
     def curvature(self, unknowns: Array) -> Array:
         """(11, 11) Hessian."""
         noise, by, twice = self.noise(float(unknowns[10]))
         expected = self._middle - self._of_middle @ unknowns[:10]
-        told = quantised_likelihood(self._reading, expected, count=self._count, noise=noise)
+        likelihood = quantised_likelihood(self._measured, expected, count=self._count, noise=noise)
         found = np.empty((11, 11))
-        of_middle = self._of_middle.T * told.curvature[:, 0, 0] @ self._of_middle
+        of_middle = self._of_middle.T * likelihood.curvature[:, 0, 0] @ self._of_middle
         found[:10, :10] = self._of_apart.T @ self._of_apart - of_middle
-        found[:10, 10] = found[10, :10] = by * (self._of_middle.T @ told.curvature[:, 0, 1])
-        found[10, 10] = -(by**2) * np.sum(told.curvature[:, 1, 1]) - twice * np.sum(told.slope[:, 1])
+        found[:10, 10] = found[10, :10] = by * (self._of_middle.T @ likelihood.curvature[:, 0, 1])
+        found[10, 10] = -(by**2) * np.sum(likelihood.curvature[:, 1, 1]) - twice * np.sum(likelihood.slope[:, 1])
         return found
 
 
@@ -132,13 +134,13 @@ def _left(columns: Array, values: Array) -> Array:
     return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
-def _alike(residuals: Array, visit: NDArray[np.int64]) -> float:
+def _correlation_factor(residuals: Array, visit: NDArray[np.int64]) -> float:
     """Number of samples of these residuals (N,) per independent one: 1 + 2 (sum of correlations) within visits."""
     groups = [residuals[visit == number] for number in np.unique(visit)]
-    power, alike = float(residuals @ residuals), 1.0
+    power, factor = float(residuals @ residuals), 1.0
     for lag in range(1, min(map(len, groups))):
         correlation = sum(float(group[lag:] @ group[:-lag]) for group in groups) / power
         if correlation < _FADED:
             break
-        alike += 2.0 * correlation
-    return alike
+        factor += 2.0 * correlation
+    return factor

@@ -36,10 +36,10 @@ class QuantisedLikelihood:
     curvature: Array
 
 
-def quantised_likelihood(reading: Array, expected: Array, *, count: float, noise: float) -> QuantisedLikelihood:
+def quantised_likelihood(measured: Array, expected: Array, *, count: float, noise: float) -> QuantisedLikelihood:
     """Log-likelihood of measurements (N,) rounded to a count, for expected angles (N,) plus noise; all in [rad]."""
-    upper = (reading + 0.5 * count - expected) / noise
-    lower = (reading - 0.5 * count - expected) / noise
+    upper = (measured + 0.5 * count - expected) / noise
+    lower = (measured - 0.5 * count - expected) / noise
     mirrored = lower > 0.0  # differences of Phi keep their digits in the lower tail only
     large = log_ndtr(np.where(mirrored, -lower, upper))
     small = log_ndtr(np.where(mirrored, -upper, lower))

@@ -77,8 +77,8 @@ class LostMotion:
 
     def __str__(self) -> str:
         """The backlashes with their standard errors."""
-        gaps = ", ".join(f"{1e3 * d.gap.value:.5g} +- {1e3 * d.gap.std:.2g} mrad" for d in self.drives)
-        return f"gaps {gaps}; together {1e3 * self.total_gap.value:.5g} +- {1e3 * self.total_gap.std:.2g} mrad"
+        backlashes = ", ".join(f"{1e3 * d.gap.value:.5g} +- {1e3 * d.gap.std:.2g} mrad" for d in self.drives)
+        return f"gaps {backlashes}; together {1e3 * self.total_gap.value:.5g} +- {1e3 * self.total_gap.std:.2g} mrad"
 
 
 def lost_motion(log: Log, gears: DriveTrain) -> LostMotion:
@@ -105,7 +105,7 @@ def lost_motion(log: Log, gears: DriveTrain) -> LostMotion:
         drives=(_drive(lines[0:4]), _drive(lines[4:8])),
         total_gap=lines[8],
         encoder_noise=found.noise,
-        samples=samples.reading.size,
+        samples=samples.measured.size,
         visits=int(np.unique(samples.visit).size),
     )
 
@@ -120,15 +120,15 @@ def _need_both_flanks(samples: FlankSamples) -> None:
                     f"the torque on flank {flank:+.0f} of each drive {way} in only {found} samples: sweep the preload "
                     "up and down in both senses, and let the load move more slowly than the sweep."
                 )
-    if np.ptp(samples.reading) == 0.0:
+    if np.ptp(samples.measured) == 0.0:
         raise Unidentifiable(
             "the load encoder never changes: let the load move slowly over a few counts during the sweep."
         )
 
 
 def _drive(lines: list[Measured]) -> DriveLostMotion:
-    gap, stiffness, friction, coefficient = lines
-    return DriveLostMotion(gap=gap, stiffness=stiffness, friction=friction, friction_coefficient=coefficient)
+    backlash, stiffness, friction, coefficient = lines
+    return DriveLostMotion(gap=backlash, stiffness=stiffness, friction=friction, friction_coefficient=coefficient)
 
 
 def _physical(numbers: NDArray[Any]) -> NDArray[Any]:

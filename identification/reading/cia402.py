@@ -17,14 +17,14 @@ from identification.errors import MalformedLog
 class DriveObject:
     """One object: its index, its name in the profile, the contract column on a rotary and on a linear axis.
 
-    worth: size of one step of its value, as an example for `--unit`.
+    units: size of one step of its value, as an example for `--unit`.
     counted_in: the unit of its value, for messages.
     """
 
     index: str
     name: str
     columns: tuple[str, str]
-    worth: tuple[str, str]
+    units: tuple[str, str]
     counted_in: str
 
     def is_called(self, column: str) -> bool:
@@ -44,28 +44,28 @@ OBJECTS = (
         index="6064",
         name="position actual value",
         columns=("angle", "position"),
-        worth=_INCREMENTS,
+        units=_INCREMENTS,
         counted_in="increments of the drive",
     ),
     DriveObject(
         index="606c",
         name="velocity actual value",
         columns=("velocity", "velocity"),
-        worth=("turn/131072/s", "mm/10000/s"),
+        units=("turn/131072/s", "mm/10000/s"),
         counted_in="a unit of the drive",
     ),
     DriveObject(
         index="6077",
         name="torque actual value",
         columns=("torque", "force"),
-        worth=_RATED,
+        units=_RATED,
         counted_in="per mille of the rated torque",
     ),
     DriveObject(
         index="6071",
         name="target torque",
         columns=("torque", "force"),
-        worth=_RATED,
+        units=_RATED,
         counted_in="per mille of the rated torque",
     ),
 )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from identification.reading.headings import Heading, heading
 from identification.reading.units import kind_of
 
-OWN, SYNONYM, AMONG_OTHERS, ASKED_FOR = 3, 2, 1, 0  # grades of certainty
+OWN, SYNONYM, AMONG_OTHERS, COMMANDED = 3, 2, 1, 0  # grades of certainty
 
 _TIMES = (
     *("times", "timestamps", "stamps", "ts", "secs", "zeitstempel", "x value", "x axis", "tout"),
@@ -65,7 +65,7 @@ NOUNS: Mapping[str, tuple[str, ...]] = {
 
 _PHRASES = {tuple(phrase.split()): column for column, phrases in NOUNS.items() for phrase in phrases}
 _LONGEST = max(map(len, _PHRASES))
-_ASKED = {
+_COMMAND_WORDS = {
     *("setpoint", "set", "sp", "target", "desired", "des", "demand", "ref", "reference", "goal", "cmd", "command"),
     *("commanded", "action", "soll", "sollwert", "wanted", "request", "requested", "consigne", "consigna"),
 }
@@ -126,12 +126,12 @@ def meaning(name: str, file_unit: str = "") -> Meaning | None:
         return None
     grade = SYNONYM if not set(others) - _PLAIN else AMONG_OTHERS
     column = "angle" if noun == "position" and kind_of(unit) == "rad" else noun
-    if set(others) & _ASKED:
+    if set(others) & _COMMAND_WORDS:
         if column not in ("angle", "position", "torque", "force", "current", "voltage", "duty"):
             return None
         column = "setpoint" if column in ("angle", "position") else column
-        grade = SYNONYM if not set(others) - _ASKED - _PLAIN else AMONG_OTHERS
-        grade = grade if column == "setpoint" else ASKED_FOR  # a measured value has priority
+        grade = SYNONYM if not set(others) - _COMMAND_WORDS - _PLAIN else AMONG_OTHERS
+        grade = grade if column == "setpoint" else COMMANDED  # a measured value has priority
     elif read.words == (noun,):
         grade = OWN
     return Meaning(column=column, grade=grade, unit=unit)

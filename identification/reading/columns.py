@@ -135,7 +135,7 @@ def _channels(
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """The columns as numbers in SI, without the labels of the runs, and notes on the time."""
     channels: dict[str, Array] = {}
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     for column, name in found.items():
         if column == "run":
             continue
@@ -143,11 +143,11 @@ def _channels(
         factor *= si_factor(column, units[column], axis) if column in units else 1.0
         if column == "time":
             sized = column in units or column in reading.scales
-            channels[column], told = seconds_of(table, name, factor if sized else None)
+            channels[column], notes = seconds_of(table, name, factor if sized else None)
         else:
             channels[column] = numbers_of(table, name, column) * factor
     _same_length(table, found, channels)
-    return channels, told
+    return channels, notes
 
 
 def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:

@@ -54,14 +54,14 @@ def command_of(
     columns = {"direct": (torque,), "pinions": ("torque_1", "torque_2")}
     given = [kind for kind in _KINDS if all(column in channels for column in columns.get(kind, (kind,)))]
     _go_with(file, given, channels, reading)
-    asked = {
+    with_options = {
         kind
         for kind in given
         if any(column in reading.mapping for column in columns.get(kind, (kind,)))
         or (kind == "current" and reading.torque_constant is not None)
         or (kind == "setpoint" and reading.kp is not None)
     }
-    kind = next((kind for kind in given if kind in asked), given[0])
+    kind = next((kind for kind in given if kind in with_options), given[0])
     command = _of_kind(kind, file, found, channels, axis, reading)
     if reading.gears is None or "pinions" in given or kind == "setpoint":
         return command

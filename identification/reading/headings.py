@@ -44,7 +44,7 @@ _AT_THE_END = {  # as a last word; single letters are case-sensitive: a motor "a
 }
 _SPELLED = {"sec": "s", "turns": "turn", "nm": "N*m", "NM": "N*m", "Nm": "N*m"}
 _SPELLED |= {"mNm": "mN*m", "Ncm": "N*cm", "RPM": "rpm", "DEG": "deg", "Deg": "deg", "RAD": "rad", "Rad": "rad"}
-_SAYS_ITS_UNIT = {"millis": "ms", "micros": "us", "nanos": "ns", "ms today": "ms", "rpm": "rpm", "erpm": "erpm"}
+_IMPLIED_UNITS = {"millis": "ms", "micros": "us", "nanos": "ns", "ms today": "ms", "rpm": "rpm", "erpm": "erpm"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +80,10 @@ def heading(text: str) -> Heading:
             unit = "N*m"
         if kind_of(unit) is not None:
             return Heading(words=words[: len(words) - count], unit=unit, trailing=True)
-    return Heading(words=words, unit=next((u for said, u in _SAYS_ITS_UNIT.items() if " ".join(words) == said), ""))
+    return Heading(
+        words=words,
+        unit=next((u for words_with_unit, u in _IMPLIED_UNITS.items() if " ".join(words) == words_with_unit), ""),
+    )
 
 
 def _words(text: str) -> tuple[str, ...]:

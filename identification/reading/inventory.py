@@ -74,11 +74,11 @@ def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
 def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -> str:
     """Options with the best guess for each missing column, quoted for a shell; NAME without a guess."""
     needed: list[Sequence[str]] = []
-    said = []
+    options = []
     taken = set(known.found.values())
     rising = [name for name, values in table.columns.items() if name not in taken and _rises(values)]
     if lacking_time and not rising:
-        said.append("--rate HZ")
+        options.append("--rate HZ")
     elif lacking_time:
         needed.append(("time",))
     needed += [] if known.has_command else [COMMANDS]
@@ -89,8 +89,8 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
         guesses = ((column, name) for column in columns for name, may_be in known.guesses.items() if may_be == column)
         alone = rising[0] if columns == ("time",) and len(rising) == 1 else "NAME"
         column, guess = next(guesses, (columns[0], alone))
-        said.append(f"--map {shlex.quote(f'{column}={guess}')}")
-    return " ".join(said)
+        options.append(f"--map {shlex.quote(f'{column}={guess}')}")
+    return " ".join(options)
 
 
 def _rises(values: NDArray[np.generic]) -> bool:

@@ -52,12 +52,12 @@ def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
             if name in table.joint_of:
                 joint_of[called] = table.joint_of[name]
     names = " and ".join(table.name for table in tables)
-    told = f"{names}: joined on their clocks, which have {end - begin:.4g} s in common"
+    note = f"{names}: joined on their clocks, which have {end - begin:.4g} s in common"
     return Table(
         name=" + ".join(table.name for table in tables),
         columns=merged,
         sha256=hashlib.sha256("".join(table.sha256 for table in tables).encode()).hexdigest(),
-        notes=(*(note for table in tables for note in table.notes), told),
+        notes=(*(note for table in tables for note in table.notes), note),
         clocks=clocks,
         units=units,
         joint_of=joint_of,

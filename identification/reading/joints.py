@@ -67,8 +67,8 @@ def _in_names(names: Collection[str], pattern: re.Pattern[str]) -> dict[str, tup
     joints: dict[str, set[str]] = defaultdict(set)
     for joint, quantity in joint_of.values():
         joints[joint].add(quantity)
-    alike = len({frozenset(each) for each in joints.values()}) == 1
-    return joint_of if len(joints) > 1 and alike and {"position", "effort"} <= set.union(*joints.values()) else {}
+    same_names = len({frozenset(each) for each in joints.values()}) == 1
+    return joint_of if len(joints) > 1 and same_names and {"position", "effort"} <= set.union(*joints.values()) else {}
 
 
 def select_joint(table: Table, joint: str | None = None, mapped: Collection[str] = ()) -> Table:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from identification.errors import MalformedLog
 from identification.reading.cia402 import find_objects
-from identification.reading.column_meaning import AMONG_OTHERS, ASKED_FOR, OWN, SYNONYM, Meaning, meaning
+from identification.reading.column_meaning import AMONG_OTHERS, COMMANDED, OWN, SYNONYM, Meaning, meaning
 from identification.reading.headings import heading
 from identification.reading.join import join_tables
 from identification.reading.reading_options import ALIASES, COLUMNS, Reading
@@ -107,9 +107,9 @@ def _named(table: Table, column: str, wanted: str) -> str:
     names = list(table.columns)
     if re.fullmatch(r"\d+", wanted) and 1 <= int(wanted) <= len(names):
         return names[int(wanted) - 1]
-    alike = [name for name in names if name.strip().lower() == wanted.strip().lower()]
-    if len(alike) == 1:
-        return alike[0]
+    matching = [name for name in names if name.strip().lower() == wanted.strip().lower()]
+    if len(matching) == 1:
+        return matching[0]
     raise MalformedLog(
         f"{table.name}: there is no column '{wanted}' to use as '{column}', the file has "
         f"{', '.join(repr(name) for name in names)}."
@@ -177,16 +177,16 @@ def _take_command(known: Recognition, meant: Mapping[str, Meaning]) -> None:
 
 def _take(known: Recognition, column: str, meant: Mapping[str, Meaning]) -> bool:
     taken = set(known.found.values())
-    for grade in (OWN, SYNONYM, AMONG_OTHERS, ASKED_FOR):
-        alike = [
+    for grade in (OWN, SYNONYM, AMONG_OTHERS, COMMANDED):
+        matching = [
             name
             for name, found in meant.items()
             if found.column == column and found.grade == grade and name not in taken
         ]
-        if len(alike) == 1:
-            known.take(column, alike[0], "by name" if grade > AMONG_OTHERS else "by name, the only one")
-        if alike:
-            return len(alike) == 1
+        if len(matching) == 1:
+            known.take(column, matching[0], "by name" if grade > AMONG_OTHERS else "by name, the only one")
+        if matching:
+            return len(matching) == 1
     return False
 
 

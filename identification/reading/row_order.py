@@ -19,7 +19,7 @@ from plant.number import HUGE
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class RowNote:
     """The treatment of rows out of order: its kind, the place, and the sentence after the place."""
 
     kind: str
@@ -27,7 +27,7 @@ class Told:
     text: str
 
 
-def sorted_rows(recording: Recording) -> tuple[list[Recording], list[Told]]:
+def sorted_rows(recording: Recording) -> tuple[list[Recording], list[RowNote]]:
     """The experiments in a recording, each with a time that does not decrease, and the treatment of the rows.
 
     Raises `MalformedLog` if the rows have no recognisable order.
@@ -40,7 +40,7 @@ def sorted_rows(recording: Recording) -> tuple[list[Recording], list[Told]]:
         return [recording], []
     if np.all(steps <= 0):
         text = "the rows run backwards in time and are read from the last to the first"
-        return [recording.take(slice(None, None, -1))], [Told(kind="turned", where=recording.label, text=text)]
+        return [recording.take(slice(None, None, -1))], [RowNote(kind="turned", where=recording.label, text=text)]
     begins, late, odd = _disorder(time)
     edges = [*begins, len(recording)]
     longest = max(b - a for a, b in pairwise(edges))
@@ -51,8 +51,8 @@ def sorted_rows(recording: Recording) -> tuple[list[Recording], list[Told]]:
             f"{int(np.sum(steps < 0))} of {len(time)} rows, so their order is unknown; sort the rows, or number "
             "the experiments in a column 'run'."
         )
-    told = [
-        Told(
+    row_notes = [
+        RowNote(
             kind="new run",
             where=recording.where(begin),
             text=f"the time goes back by {time[begin - 1] - time[begin]:.4g} s, so a new run begins there",
@@ -62,21 +62,21 @@ def sorted_rows(recording: Recording) -> tuple[list[Recording], list[Told]]:
     for kind, rows, done in (("sorted", late, "out of order, sorted"), ("odd", odd, "out of its place, left out")):
         if len(rows):
             text = f"{counted(len(rows), 'row')} with a time {done}"
-            told.append(Told(kind=kind, where=recording.where(rows[0]), text=text))
+            row_notes.append(RowNote(kind=kind, where=recording.where(rows[0]), text=text))
     kept = np.ones(len(recording), dtype=bool)
     kept[odd] = False
     parts = []
     for a, b in pairwise(edges):
         places = np.arange(a, b)[kept[a:b]]
         parts.append(recording.take(places[np.argsort(time[places], kind="stable")]))
-    return parts, told
+    return parts, row_notes
 
 
 def _disorder(time: Array) -> tuple[list[int], list[int], list[int]]:
     """First rows of the experiments, late rows within an experiment, and rows with a time that fits nowhere."""
     steps = np.diff(np.sort(time))
     step = float(np.median(steps[steps > 0]))
-    astray = _astray(time, step)
+    out_of_order = _out_of_order(time, step)
     begins: list[int] = [0]
     late: list[int] = []
     odd: list[int] = []
@@ -91,10 +91,10 @@ def _disorder(time: Array) -> tuple[list[int], list[int], list[int]]:
         if stop - i < MIN_SAMPLES and _fill_holes(time, begins[-1], i, stop, step):
             late += range(i, stop)
             seen = done = stop
-        elif astray[i]:
+        elif out_of_order[i]:
             odd.append(i)
             seen = i + 1
-        elif astray[i - 1]:
+        elif out_of_order[i - 1]:
             odd.append(i - 1)
             top = before
         else:
@@ -103,13 +103,13 @@ def _disorder(time: Array) -> tuple[list[int], list[int], list[int]]:
     return begins, late, odd
 
 
-def _astray(time: Array, step: float) -> NDArray[np.bool_]:
+def _out_of_order(time: Array, step: float) -> NDArray[np.bool_]:
     """Rows (T,) with a time that is not between the times of their neighbours, which are consecutive."""
-    astray = np.zeros(len(time), dtype=bool)
+    out_of_order = np.zeros(len(time), dtype=bool)
     across = time[2:] - time[:-2]
     between = (time[1:-1] >= time[:-2]) & (time[1:-1] <= time[2:])
-    astray[1:-1] = (across > 0) & (across <= GAP * step) & ~between
-    return astray
+    out_of_order[1:-1] = (across > 0) & (across <= GAP * step) & ~between
+    return out_of_order
 
 
 def _fill_holes(time: Array, begin: int, i: int, stop: int, step: float) -> bool:

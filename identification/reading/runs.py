@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.reading.row_order import Told, sorted_rows
+from identification.reading.row_order import RowNote, sorted_rows
 from identification.reading.table import Table
 from identification.recording import Array, Recording, counted
 
@@ -48,16 +48,16 @@ def split_runs(whole: Recording, labels: NDArray[np.object_] | None) -> tuple[tu
         whole, labels, notes = _labelled(whole, labels)
         groups = [(str(label), whole.take(labels == label)) for label in dict.fromkeys(labels)]
     found: list[Recording] = []
-    told: list[Told] = []
+    row_notes: list[RowNote] = []
     for label, group in groups:
         parts, done = sorted_rows(group)
-        told += done
+        row_notes += done
         for place, part in enumerate(parts):
             again = f" ({place + 1})" if place else ""
             run = label + again if label else str(place)
             named = f"{whole.label} run {run}" if label or len(parts) > 1 else whole.label
             found.append(replace(part, number=len(found), run=run, label=named))
-    return tuple(found), (*notes, *_sentences(told))
+    return tuple(found), (*notes, *_sentences(row_notes))
 
 
 def _start(time: Array) -> float:
@@ -90,10 +90,10 @@ def _labelled(whole: Recording, labels: NDArray[np.object_]) -> tuple[Recording,
     return whole.take(known), labels[known], [note]
 
 
-def _sentences(told: Iterable[Told]) -> list[str]:
+def _sentences(row_notes: Iterable[RowNote]) -> list[str]:
     """One sentence per kind of disorder: its first place, and the number of further places."""
-    kinds: dict[str, list[Told]] = {}
-    for one in told:
+    kinds: dict[str, list[RowNote]] = {}
+    for one in row_notes:
         kinds.setdefault(one.kind, []).append(one)
     return [
         f"{ones[0].where}: {ones[0].text}" + (f"; {len(ones) - 1} more such places" if len(ones) > 1 else "")

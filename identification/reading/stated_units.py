@@ -45,7 +45,7 @@ def stated_units(
     has a unit of unknown size.
     """
     known = dict(units)
-    told = []
+    stated = []
     left_out = []
     notes = []
     for column, name in found.items():
@@ -56,7 +56,7 @@ def stated_units(
             if unit.lower() not in NO_UNIT:
                 if _counts(column, unit, axis, scaled=column in scales):
                     known[column] = unit
-                    told.append(f"'{name}' in {unit}")
+                    stated.append(f"'{name}' in {unit}")
             elif column not in scales:
                 _refuse_increments(table, column, name, axis, guessed=column in guessed)
         except MalformedLog as error:
@@ -67,8 +67,8 @@ def stated_units(
     if guessed:
         listed = ", ".join(f"'{found[column]}' as {column}" for column in guessed if column not in left_out)
         notes.append(f"{table.name}: recognised as objects of CiA 402: {listed}")
-    if told:
-        notes.append(f"{table.name}: units from the file: {', '.join(told)}")
+    if stated:
+        notes.append(f"{table.name}: units from the file: {', '.join(stated)}")
     return StatedUnits(units=known, left_out=tuple(left_out), notes=tuple(notes))
 
 
@@ -105,5 +105,5 @@ def _refuse_increments(table: Table, column: str, name: str, axis: str, *, guess
             return
     raise MalformedLog(
         f"'{name}' ({known.index.upper()}h) is in {known.counted_in}: say what one is worth, for example "
-        f"--unit {column}={known.worth[axis == 'linear']}, or --unit {column}='{si_unit(column, axis)}' if it is in SI."
+        f"--unit {column}={known.units[axis == 'linear']}, or --unit {column}='{si_unit(column, axis)}' if it is in SI."
     )

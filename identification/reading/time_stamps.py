@@ -42,8 +42,8 @@ def seconds_of(table: Table, name: str, factor: float | None) -> tuple[Array, tu
 
     Raises `MalformedLog` for a cell that is not a time.
     """
-    times, _, told = clock_of(table, name, factor)
-    return times, told
+    times, _, clock_notes = clock_of(table, name, factor)
+    return times, clock_notes
 
 
 def clock_of(table: Table, name: str, factor: float | None) -> tuple[Array, float, tuple[str, ...]]:
@@ -64,16 +64,16 @@ def clock_of(table: Table, name: str, factor: float | None) -> tuple[Array, floa
                 return *dates, ()
         else:
             _refuse_others(table, name, written, times)
-            times, told = _over_midnight(table, name, times, whole=bool(written.str.contains("d").any()))
-            return times, 0.0, told
-    numbers, told = _over_its_bits(table, name, numbers_of(table, name, "time"))
+            times, clock_notes = _over_midnight(table, name, times, whole=bool(written.str.contains("d").any()))
+            return times, 0.0, clock_notes
+    numbers, clock_notes = _over_its_bits(table, name, numbers_of(table, name, "time"))
     if factor is not None:
-        return numbers * factor, 0.0, told
+        return numbers * factor, 0.0, clock_notes
     unit = _epoch(numbers)
     if unit is None:
-        return numbers, 0.0, told
+        return numbers, 0.0, clock_notes
     note = f"{table.name}: '{name}' counts {unit} since 1970, as in seconds it would lie far in the future"
-    return numbers * _EPOCHS[unit], 0.0, (*told, note)
+    return numbers * _EPOCHS[unit], 0.0, (*clock_notes, note)
 
 
 def _times_of_day(written: pd.Series[str]) -> Array | None:

@@ -61,7 +61,7 @@ _SHARES = {"percent", "permille", "ppm", "dimensionless"}  # known shares of one
 
 _SUCH_AS = {"rad": "deg", "rad/s": "deg/s", "m": "mm", "m/s": "mm/s", "s": "ms", "N m": "mNm", "N": "kN", "A": "mA"}
 
-_WORTH = {
+_EXAMPLE_SIZE = {
     "rad": "turn/131072",
     "rad/s": "turn/131072/s",
     "N m": "2.4Nm/1000",
@@ -145,12 +145,12 @@ def si_factor(column: str, unit: str, axis: str) -> float:
             f"use a unit of that kind, such as {_SUCH_AS.get(wanted, wanted)}{hint}."
         ) from error
     if not sized:
-        worth = _WORTH.get(wanted)
-        if worth and unit.strip() in ("%", "percent"):
-            worth = re.sub(r"/\d+", "/100", worth)
+        example = _EXAMPLE_SIZE.get(wanted)
+        if example and unit.strip() in ("%", "percent"):
+            example = re.sub(r"/\d+", "/100", example)
         raise BadParameter(
             f"the unit '{unit}' of column '{column}' has no fixed size: give what one step is worth instead, for "
-            f"example {f'--unit {column}={worth} or ' if worth else ''}--scale {column}=0.001 (in {wanted})."
+            f"example {f'--unit {column}={example} or ' if example else ''}--scale {column}=0.001 (in {wanted})."
         )
     return factor
 

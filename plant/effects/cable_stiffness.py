@@ -30,8 +30,8 @@ class CableStiffness(Effect):
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
         """Torque towards the rest angle."""
-        bend = at.angle - self.rest_angle
-        return -self.stiffness * bend - self.cubic * bend**3
+        deflection = at.angle - self.rest_angle
+        return -self.stiffness * deflection - self.cubic * deflection**3
 
     def plausible(self, log: Covered) -> bool:
         """Stiffness not negative, and rest angle within one travel of the log: a distant rest angle is an offset."""
@@ -45,15 +45,15 @@ class CableStiffness(Effect):
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """A linear and a cubic term about the middle of the travel."""
         middle = 0.5 * float(motion.angle.min() + motion.angle.max())
-        bend = motion.angle - middle
+        deflection = motion.angle - middle
 
         def start(c: np.ndarray) -> Effect:
-            reach = 0.5 * float(np.ptp(bend)) or 1.0
+            reach = 0.5 * float(np.ptp(deflection)) or 1.0
             if c[1] * reach > 1e-3 * abs(c[0]):
                 shift = float(np.clip(c[0] / c[1], -reach, reach))
             else:
                 shift = float(np.clip(np.cbrt(c[0] / c[2]), -reach, reach)) if c[2] > 0.0 else 0.0
             return cls(stiffness=float(c[1]), cubic=float(c[2]), rest_angle=middle + shift)
 
-        columns = np.column_stack((np.ones_like(bend), -bend, -(bend**3)))
+        columns = np.column_stack((np.ones_like(deflection), -deflection, -(deflection**3)))
         yield Trace(columns=columns, positive=(False, True, True), start=start)

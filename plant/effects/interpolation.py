@@ -10,13 +10,13 @@ import casadi as ca
 from plant.effects.effect import Array, Expression
 
 
-def rises_and_bends(
+def slopes_and_curvatures(
     knots: Sequence[Expression], heights: Sequence[Expression] | Array
 ) -> tuple[list[Expression], list[Expression]]:
     """Slopes between adjacent knots, and half the second derivatives of the parabolas through three adjacent knots."""
     rises = [(b - a) / (w - v) for (v, w), (a, b) in zip(pairwise(knots), pairwise(heights), strict=True)]
-    bends = [(b - a) / (w - v) for v, w, (a, b) in zip(knots[:-2], knots[2:], pairwise(rises), strict=True)]
-    return rises, bends
+    curvatures = [(b - a) / (w - v) for v, w, (a, b) in zip(knots[:-2], knots[2:], pairwise(rises), strict=True)]
+    return rises, curvatures
 
 
 def interpolated(value: Expression, knots: Sequence[Expression], heights: Sequence[Expression] | Array) -> Expression:
@@ -27,7 +27,7 @@ def interpolated(value: Expression, knots: Sequence[Expression], heights: Sequen
     slope, and reproduces every parabola exactly.
     """
     value = ca.fmax(ca.fmin(value, knots[-1]), knots[0])
-    rises, bends = rises_and_bends(knots, heights)
+    rises, curvatures = slopes_and_curvatures(knots, heights)
     past = [value >= knot for knot in knots[1:-1]]
 
     def here(one_for_each_piece: Sequence[Expression] | Array) -> Expression:
@@ -35,5 +35,7 @@ def interpolated(value: Expression, knots: Sequence[Expression], heights: Sequen
         return one_for_each_piece[0] + sum(is_past * (after - before) for is_past, (before, after) in steps)
 
     since, until = value - here(knots[:-1]), value - here(knots[1:])
-    bend, other = here([bends[0], *bends]), here([*bends, bends[-1]])
-    return here(heights[:-1]) + since * (here(rises) + until * (bend + since / (since - until) * (other - bend)))
+    curvature, other = here([curvatures[0], *curvatures]), here([*curvatures, curvatures[-1]])
+    return here(heights[:-1]) + since * (
+        here(rises) + until * (curvature + since / (since - until) * (other - curvature))
+    )

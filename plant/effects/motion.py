@@ -25,7 +25,7 @@ class Covered:
         duration: of the longest run [s].
         inertia: of the load, by the present model [N m s^2/rad].
         turn: of the load [rad]; 0 on a linear axis.
-        ways: path length of the load, in both directions, before an instant [s] and after it [rad].
+        travelled: path length of the load, in both directions, before an instant [s] and after it [rad].
     """
 
     low: float
@@ -34,7 +34,7 @@ class Covered:
     duration: float
     inertia: float
     turn: float
-    ways: Callable[[float], tuple[float, float]]
+    travelled: Callable[[float], tuple[float, float]]
 
     @property
     def travel(self) -> float:

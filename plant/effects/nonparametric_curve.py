@@ -14,7 +14,7 @@ import numpy as np
 
 from plant.built_once import recursion
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
-from plant.effects.interpolation import interpolated, rises_and_bends
+from plant.effects.interpolation import interpolated, slopes_and_curvatures
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
@@ -196,8 +196,8 @@ class CurveOverVelocity(Curve):
         def within(at: Expression) -> Expression:
             return super(CurveOverVelocity, cls).course(at, low, high, heights)
 
-        rises, bends = rises_and_bends(knots, heights)
-        first, last = rises[0] - (knots[1] - low) * bends[0], rises[-1] + (high - knots[-2]) * bends[-1]
+        rises, curvatures = slopes_and_curvatures(knots, heights)
+        first, last = rises[0] - (knots[1] - low) * curvatures[0], rises[-1] + (high - knots[-2]) * curvatures[-1]
         slope = (low**2 * first + high**2 * last) / (low**2 + high**2)
         farther = ca.fmax(-low, high)
         beyond = value - ca.fmax(ca.fmin(value, farther), -farther)

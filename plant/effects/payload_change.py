@@ -21,7 +21,7 @@ _APART = (
     0.1,
     0.03,
 )  # seconds between similar instants, by stage; a servo reverses in a few of the first
-_ALIKE = (8, 3, 3)  # number of instants on each side, by stage
+_INSTANTS = (8, 3, 3)  # number of instants on each side, by stage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,11 +59,11 @@ class PayloadChange(Effect):
 
     def plausible(self, log: Covered) -> bool:
         """Whether the load moves before and after the instant; a change at the start may be an initial transient."""
-        return bool(min(log.ways(self.time)) > _SEEN * log.travel)
+        return bool(min(log.travelled(self.time)) > _SEEN * log.travel)
 
     def similar_shapes(self, stage: int) -> tuple[PayloadChange, ...]:
         """Instants before and after; the likelihood has separate peaks for the motions in between."""
-        steps = _APART[stage] * np.arange(1, _ALIKE[stage] + 1)
+        steps = _APART[stage] * np.arange(1, _INSTANTS[stage] + 1)
         return tuple(replace(self, time=float(self.time + step)) for step in (*-steps[::-1], *steps))
 
     def without_clock(self, rest: ServoModel, end: float | None) -> ServoModel:

@@ -25,7 +25,7 @@ from plant.effects.effect import (
     within,
 )
 
-_WAYS = 8
+_TRAVELS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,9 +92,9 @@ def remembered(motion: Motion) -> Iterator[tuple[float, Array]]:
     typical = float(np.quantile(np.abs(motion.velocity), 0.9)) * motion.sample_time
     reach = float(np.ptp(motion.angle))
     if typical > 0.0 and reach > 0.0:
-        ways = np.geomspace(0.3 * typical, max(0.25 * reach, typical), _WAYS)
-        memories = motion.by_run(lambda rows: _memories(motion.angle[rows], ways))
-        yield from zip(ways.tolist(), memories.T, strict=True)
+        travels = np.geomspace(0.3 * typical, max(0.25 * reach, typical), _TRAVELS)
+        memories = motion.by_run(lambda rows: _memories(motion.angle[rows], travels))
+        yield from zip(travels.tolist(), memories.T, strict=True)
 
 
 def slid(state: Expression, travel: Expression, way: Expression) -> Expression:

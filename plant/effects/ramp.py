@@ -69,8 +69,8 @@ def _followed(wanted: Array, reach: Array) -> Array:
 def _ramps(count: int) -> Any:
     """Several ramps in parallel, and their means over a sample."""
     state, reach, wanted = ca.SX.sym("state", count), ca.SX.sym("reach", count), ca.SX.sym("wanted")
-    gap = wanted - state
-    step = ca.fmax(ca.fmin(gap, reach), -reach)
-    share = ca.fmin(ca.fabs(gap) / reach, 1)  # fraction of the sample on the ramp
+    difference = wanted - state
+    step = ca.fmax(ca.fmin(difference, reach), -reach)
+    share = ca.fmin(ca.fabs(difference) / reach, 1)  # fraction of the sample on the ramp
     outputs = [state + step, state + step * (1 - share / 2)]
     return ca.Function("ramps", [state, wanted, reach], outputs)

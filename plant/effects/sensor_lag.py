@@ -30,10 +30,10 @@ class SensorLag(Effect):
     ) -> Expression:
         """Exact for an angle on a parabola, as of a load under a constant torque."""
         gone = ca.fmax(h / self.time_constant, 1e-9)  # a switch may leave a step of length zero, where all is rounding
-        speed, bend = 4 * middle - 3 * before - after, 2 * (before - 2 * middle + after)  # times h and h^2
+        speed, curvature = 4 * middle - 3 * before - after, 2 * (before - 2 * middle + after)  # times h and h^2
         trail = (1 - ca.exp(-gone)) / gone
         kept = (state - before) * ca.exp(-h / self.time_constant)
-        return after + kept - speed * trail - 2 * bend * (1 - trail) / gone
+        return after + kept - speed * trail - 2 * curvature * (1 - trail) / gone
 
     def reading(self, angle: Expression, state: Expression) -> Expression:
         """The filtered angle."""

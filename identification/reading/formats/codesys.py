@@ -63,11 +63,11 @@ def read_trace(lines: Sequence[str], name: str, sha256: str) -> Table:
             variables[-1].times.append(times)
             variables[-1].values.append(values)
             notes += (f"{name}: the last line ({len(lines)}) is cut off and left out",) * cut
-    unit, told = _unit(flags, variables, name)
+    unit, unit_notes = _unit(flags, variables, name)
     kept = [variable for variable in variables if sum(map(len, variable.times)) > 1]
     if not kept:
         raise MalformedLog(f"{name}: the trace holds no samples, save it again after it has recorded.")
-    return _table(kept, unit, name, sha256, (*told, *notes))
+    return _table(kept, unit, name, sha256, (*unit_notes, *notes))
 
 
 def _samples(lines: Sequence[str], start: int, end: int, name: str) -> tuple[Array, Array, bool]:
@@ -121,9 +121,9 @@ def _whole(line: str) -> int:
 
 def _unit(flags: int, variables: Sequence[_Variable], name: str) -> tuple[str, tuple[str, ...]]:
     """The unit of the time, and a note if the file does not have it."""
-    told = [unit for bit, unit in _UNITS.items() if flags & bit]
-    if len(told) == 1 or not variables:
-        return (told or ["ms"])[0], ()
+    units = [unit for bit, unit in _UNITS.items() if flags & bit]
+    if len(units) == 1 or not variables:
+        return (units or ["ms"])[0], ()
     return "ms", (
         f"{name}: the trace does not say whether its times are milliseconds or microseconds (Flags {flags}), and they "
         "are taken for milliseconds; give --unit time=us otherwise",

@@ -40,12 +40,12 @@ def read_excel(content: bytes, name: str, sha256: str) -> Table:
     title, first = next(iter(found.items()))
     if len(book.worksheets) == 1:
         return first
-    if len(found) > 1 and _alike(list(found.values())):
+    if len(found) > 1 and _same_columns(list(found.values())):
         return _as_runs(found)
     return replace(first, notes=(*first.notes, f"{name}: of {len(book.worksheets)} sheets, '{title}' is read"))
 
 
-def _alike(tables: Sequence[Table]) -> bool:
+def _same_columns(tables: Sequence[Table]) -> bool:
     """Whether sheets have the same columns in the same units, without runs, clocks or joints."""
     one = tables[0]
     same = all(list(table.columns) == list(one.columns) and table.units == one.units for table in tables)

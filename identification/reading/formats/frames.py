@@ -33,9 +33,10 @@ def read_feather(content: bytes, name: str, sha256: str) -> Table:
 def _from_arrow(table: Any, name: str, sha256: str) -> Table:
     table.validate(full=True)
     frame = table.to_pandas()
-    said = {field.name: field.metadata or {} for field in table.schema}
+    metadata = {field.name: field.metadata or {} for field in table.schema}
     units = {
-        column: (of.get(b"unit") or of.get(b"units") or b"").decode("utf-8", "replace") for column, of in said.items()
+        column: (of.get(b"unit") or of.get(b"units") or b"").decode("utf-8", "replace")
+        for column, of in metadata.items()
     }
     return replace(frame_table(frame, name, sha256), units={column: unit for column, unit in units.items() if unit})
 

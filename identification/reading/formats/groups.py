@@ -111,11 +111,11 @@ def without_objects(table: Table, objects: Sequence[tuple[str, str]]) -> Table:
     if not objects:
         return table
     name, kind = objects[0]
-    told = f"'{name}' is an object of MATLAB ({kind}), which only MATLAB reads"
+    reason = f"'{name}' is an object of MATLAB ({kind}), which only MATLAB reads"
     remedy = f"save its arrays, for example t = {name}.Time; x = {name}.Data; save('log.mat', 't', 'x')"
     if not table.columns:
-        raise MalformedLog(f"{table.name}: {told}; {remedy}.")
-    return replace(table, notes=(*table.notes, f"{table.name}: {told}, and is left out; {remedy}"))
+        raise MalformedLog(f"{table.name}: {reason}; {remedy}.")
+    return replace(table, notes=(*table.notes, f"{table.name}: {reason}, and is left out; {remedy}"))
 
 
 def _name(path: str, key: str, groups: Groups, times: Mapping[str, str]) -> str:

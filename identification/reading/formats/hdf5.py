@@ -46,9 +46,9 @@ def read_hdf5(content: bytes, name: str, sha256: str) -> Table:
 
 def _unit(item: Any) -> str:
     """The unit in the attributes of a dataset; for a time of NetCDF, "seconds since 2024-01-01", the unit alone."""
-    said = next((item.attrs[key] for key in ("units", "unit", "Units", "Unit") if key in item.attrs), "")
-    said = said.item() if isinstance(said, np.ndarray) and said.size == 1 else said
-    return _text(said, "").split(" since ")[0] if isinstance(said, str | bytes) else ""
+    unit = next((item.attrs[key] for key in ("units", "unit", "Units", "Unit") if key in item.attrs), "")
+    unit = unit.item() if isinstance(unit, np.ndarray) and unit.size == 1 else unit
+    return _text(unit, "").split(" since ")[0] if isinstance(unit, str | bytes) else ""
 
 
 def _of_pandas(parent: str, key: str, item: Any) -> dict[str, NDArray[Any]] | None:
@@ -89,11 +89,11 @@ def _text(value: Any, otherwise: str) -> str:
     return otherwise if text in ("", "N.") else text  # "N." is a pickled None
 
 
-def _pickled_texts(said: Any) -> list[str]:
+def _pickled_texts(content: Any) -> list[str]:
     """The texts in a pickle with pandas' names of columns; its opcodes are read, it is never loaded."""
-    if said is None:
+    if content is None:
         return []
-    raw = said.encode() if isinstance(said, str) else bytes(said)
+    raw = content.encode() if isinstance(content, str) else bytes(content)
     try:
         codes = list(pickletools.genops(raw))
     except ValueError:

@@ -34,7 +34,7 @@ def parse_json(content: bytes, name: str, sha256: str) -> Table | None:
         return None
     text = decoded(content, name)
     try:
-        said, notes = _loaded(text, name)
+        loaded, notes = _loaded(text, name)
     except MalformedLog:
         raise
     except (ValueError, RecursionError) as error:
@@ -42,25 +42,25 @@ def parse_json(content: bytes, name: str, sha256: str) -> Table | None:
             return None  # a text may begin like a list: `[key]; [value]`
         raise MalformedLog(f"{name}: this is no JSON ({_place(error)}), export the log again.") from error
     found = _Found()
-    found.sort(said)
+    found.sort(loaded)
     tables = {path: group for path, group in found.groups.items() if any(v.dtype.kind == "f" for v in group.values())}
     table = grouped_table(tables, name, sha256)
     if not table.columns:
         raise MalformedLog(f"{name}: no records or lists of numbers are found in this JSON, export the log again.")
     return replace(
         table,
-        columns={**_constants(said, table), **table.columns},
+        columns={**_constants(loaded, table), **table.columns},
         notes=notes,
         joint_of={column: joint for column, joint in found.joint_of.items() if column in table.columns},
     )
 
 
-def _constants(said: Any, table: Table) -> dict[str, NDArray[Any]]:
+def _constants(loaded: Any, table: Table) -> dict[str, NDArray[Any]]:
     """Numbers outside the table that hold for all rows, such as gains."""
     lengths = {len(values) for values in table.columns.values()}
-    if not isinstance(said, Mapping) or len(lengths) != 1:
+    if not isinstance(loaded, Mapping) or len(lengths) != 1:
         return {}
-    numbers = {key: value for key, value in said.items() if isinstance(value, int | float)}
+    numbers = {key: value for key, value in loaded.items() if isinstance(value, int | float)}
     return {key: np.full(max(lengths), float(value)) for key, value in numbers.items()}
 
 
@@ -106,29 +106,29 @@ class _Found:
         if kept:
             self.groups.setdefault(path, {}).update(kept)
 
-    def sort(self, said: Any, path: str = "", depth: int = 0) -> None:
+    def sort(self, loaded: Any, path: str = "", depth: int = 0) -> None:
         """Add all series in a value of JSON."""
-        said = _listed(said)
-        if depth > _DEEPEST or not isinstance(said, Mapping | list):
+        loaded = _listed(loaded)
+        if depth > _DEEPEST or not isinstance(loaded, Mapping | list):
             return
-        if isinstance(said, Mapping):
-            self._sort_mapping(_split(said) or said, path, depth)
-        elif (matrix := _matrix(said)) is not None:
+        if isinstance(loaded, Mapping):
+            self._sort_mapping(_split(loaded) or loaded, path, depth)
+        elif (matrix := _matrix(loaded)) is not None:
             self.add(path, matrix)
-        elif all(isinstance(item, Mapping) for item in said) and len(said) > 1:
-            if named := _named_series(said):
+        elif all(isinstance(item, Mapping) for item in loaded) and len(loaded) > 1:
+            if named := _named_series(loaded):
                 self._sort_mapping(named, path, depth)
                 return
-            found = gathered(said)
+            found = gathered(loaded)
             self.add(path, found.columns)
             self.joint_of.update(found.joint_of)
         else:
-            for k, item in enumerate(said[:_LONGEST_LIST]):
-                self.sort(item, path if len(said) == 1 else f"{path}/{k + 1}".lstrip("/"), depth + 1)
+            for k, item in enumerate(loaded[:_LONGEST_LIST]):
+                self.sort(item, path if len(loaded) == 1 else f"{path}/{k + 1}".lstrip("/"), depth + 1)
 
-    def _sort_mapping(self, said: Mapping[str, Any], path: str, depth: int) -> None:
-        names, labels = names_in(said, ())
-        for key, value in ((key, _listed(value)) for key, value in said.items() if key != names):
+    def _sort_mapping(self, loaded: Mapping[str, Any], path: str, depth: int) -> None:
+        names, labels = names_in(loaded, ())
+        for key, value in ((key, _listed(value)) for key, value in loaded.items() if key != names):
             if isinstance(value, list) and value and all(isinstance(cell, str | int | float | None) for cell in value):
                 self.add(path, {key: column_of([v if isinstance(v, str | None) else float(v) for v in value])})
             elif isinstance(value, list) and (matrix := _matrix(value)) is not None:
@@ -140,53 +140,57 @@ class _Found:
                 self.sort(value, f"{path}/{key}".lstrip("/"), depth + 1)
 
 
-def _listed(said: Any) -> Any:
+def _listed(loaded: Any) -> Any:
     """A mapping with numbers as keys (a column of pandas) as a list, in its order; other values unchanged."""
-    if not isinstance(said, Mapping) or len(said) < 2:
-        return said
-    if all(map(str.isdecimal, said)):
-        return list(said.values())
-    return said
+    if not isinstance(loaded, Mapping) or len(loaded) < 2:
+        return loaded
+    if all(map(str.isdecimal, loaded)):
+        return list(loaded.values())
+    return loaded
 
 
-def _split(said: Mapping[str, Any]) -> dict[str, Any] | None:
+def _split(loaded: Mapping[str, Any]) -> dict[str, Any] | None:
     """The columns of a mapping with rows and the names of their columns; None for any other mapping."""
-    names = next((said[key] for key in _NAMES_OF_ROWS if _are_names(said.get(key))), None)
-    rows = next((said[key] for key in _ROWS if isinstance(said.get(key), list)), None)
+    names = next((loaded[key] for key in _NAMES_OF_ROWS if _are_names(loaded.get(key))), None)
+    rows = next((loaded[key] for key in _ROWS if isinstance(loaded.get(key), list)), None)
     matrix = _matrix(rows) if names and rows else None
     if names is None or rows is None or matrix is None or len(names) != len(matrix):
         return None
     columns: dict[str, Any] = dict(zip(names, (column.tolist() for column in matrix.values()), strict=True))
-    index = said.get("index")
-    told = isinstance(index, list) and len(index) == len(rows) and index != list(range(len(rows)))
-    return {"index": index} | columns if told else columns
+    index = loaded.get("index")
+    is_labelled = isinstance(index, list) and len(index) == len(rows) and index != list(range(len(rows)))
+    return {"index": index} | columns if is_labelled else columns
 
 
-def _are_names(said: Any) -> bool:
-    return isinstance(said, list) and all(isinstance(name, str) for name in said)
+def _are_names(loaded: Any) -> bool:
+    return isinstance(loaded, list) and all(isinstance(name, str) for name in loaded)
 
 
-def _matrix(said: list[Any]) -> dict[str, NDArray[Any]] | None:
+def _matrix(loaded: list[Any]) -> dict[str, NDArray[Any]] | None:
     """The columns of rows of equal length, by the names in a first row of texts, else by their numbers."""
-    if len(said) < 2 or not all(isinstance(row, list) and len(row) == len(said[0]) for row in said) or not said[0]:
+    if (
+        len(loaded) < 2
+        or not all(isinstance(row, list) and len(row) == len(loaded[0]) for row in loaded)
+        or not loaded[0]
+    ):
         return None
-    if not all(isinstance(cell, str | int | float | None) for row in said for cell in row):
+    if not all(isinstance(cell, str | int | float | None) for row in loaded for cell in row):
         return None
-    names = [str(k + 1) for k in range(len(said[0]))]
-    if all(isinstance(cell, str) for cell in said[0]) and len(set(said[0])) == len(said[0]):
-        names, said = list(said[0]), said[1:]
-    columns = zip(*said, strict=True)
+    names = [str(k + 1) for k in range(len(loaded[0]))]
+    if all(isinstance(cell, str) for cell in loaded[0]) and len(set(loaded[0])) == len(loaded[0]):
+        names, loaded = list(loaded[0]), loaded[1:]
+    columns = zip(*loaded, strict=True)
     return {
         name: column_of([cell if isinstance(cell, str | None) else float(cell) for cell in column])
         for name, column in zip(names, columns, strict=True)
     }
 
 
-def _named_series(said: list[Any]) -> dict[str, Any] | None:
+def _named_series(loaded: list[Any]) -> dict[str, Any] | None:
     """Records that are named series instead of rows: `{"name": "angle", "time": [...], "value": [...]}`."""
     for key in ("name", "label", "topic", "id"):
-        names = [item.get(key) for item in said]
-        long = (any(isinstance(v, list) and len(v) > len(said) for v in item.values()) for item in said)
+        names = [item.get(key) for item in loaded]
+        long = (any(isinstance(v, list) and len(v) > len(loaded) for v in item.values()) for item in loaded)
         if all(isinstance(name, str) for name in names) and len(set(names)) == len(names) and all(long):
-            return dict(zip(names, said, strict=True))
+            return dict(zip(names, loaded, strict=True))
     return None

@@ -88,12 +88,12 @@ def _is_data(cells: list[str]) -> bool:
 def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     """Separator and index of the first line of data: two columns or more, and another line of data below it."""
     begin = _after_header(lines)
-    told = (
+    rows_with_text = (
         (index, line)
         for index, line in enumerate(lines[begin:], begin)
         if line.strip() and not line.lstrip().startswith(COMMENT)
     )
-    searched = list(islice(told, SEARCHED_LINES))
+    searched = list(islice(rows_with_text, SEARCHED_LINES))
     for separator in _SEPARATORS:
         table = [split(line, separator) for _, line in searched]
         for k, cells in enumerate(table):

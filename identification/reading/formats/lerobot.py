@@ -25,7 +25,7 @@ def with_motor_names(table: Table, path: Path) -> Table:
         return table
     try:
         features = json.loads(info.read_bytes())["features"]
-        named = {feature: _names(said.get("names")) for feature, said in features.items()}
+        named = {feature: _names(value.get("names")) for feature, value in features.items()}
     except (
         OSError,
         ValueError,
@@ -56,8 +56,8 @@ def _above(path: Path) -> Iterator[Path]:
     yield from list(path.absolute().parents)[:_LEVELS]
 
 
-def _names(said: Any) -> list[str]:
+def _names(value: Any) -> list[str]:
     """A list of names, or the one in `{"motors": [...]}`."""
-    if isinstance(said, dict):
-        said = next(iter(said.values()), None) if len(said) == 1 else None
-    return said if isinstance(said, list) and all(isinstance(name, str) for name in said) else []
+    if isinstance(value, dict):
+        value = next(iter(value.values()), None) if len(value) == 1 else None
+    return value if isinstance(value, list) and all(isinstance(name, str) for name in value) else []

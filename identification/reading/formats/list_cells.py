@@ -37,11 +37,11 @@ def _items(cell: Any) -> list[Any]:
     if not isinstance(cell, str):
         return []
     try:
-        said = ast.literal_eval(cell.strip())
+        items = ast.literal_eval(cell.strip())
     except (ValueError, SyntaxError, MemoryError, RecursionError):  # NumPy has no commas
-        said = re.split(r"[\s,;]+", cell.strip().strip("[]()").strip())
+        items = re.split(r"[\s,;]+", cell.strip().strip("[]()").strip())
         try:
-            return [float(item) for item in said]
+            return [float(item) for item in items]
         except ValueError:
             return []
-    return [item for item in said if isinstance(item, str | int | float)] if isinstance(said, list | tuple) else []
+    return [item for item in items if isinstance(item, str | int | float)] if isinstance(items, list | tuple) else []

@@ -48,8 +48,8 @@ def with_channels(table: Table) -> Table:
 
 
 def _called(name: str, words: set[str]) -> bool:
-    said = heading(name).words
-    return bool(said) and (said[-1] in words or "".join(said) in words)
+    own_words = heading(name).words
+    return bool(own_words) and (own_words[-1] in words or "".join(own_words) in words)
 
 
 def _times(table: Table) -> tuple[NDArray[np.float64], str] | None:

@@ -80,17 +80,25 @@ def _tdms(content: bytes, notes: list[str]) -> Iterator[Channel]:
     starts = [c.properties["wf_start_time"] for c in channels if "wf_start_time" in c.properties]
     clock: Array = np.empty(0)
     for channel in channels:
-        said = channel.properties
-        step = float(said.get("wf_increment", 0.0))
+        properties = channel.properties
+        step = float(properties.get("wf_increment", 0.0))
         time: Array | None = None
         if step > 0:
-            late = (said["wf_start_time"] - min(starts)) / np.timedelta64(1, "s") if "wf_start_time" in said else 0.0
-            time = float(late) + float(said.get("wf_start_offset", 0.0)) + step * np.arange(len(channel), dtype=float)
+            late = (
+                (properties["wf_start_time"] - min(starts)) / np.timedelta64(1, "s")
+                if "wf_start_time" in properties
+                else 0.0
+            )
+            time = (
+                float(late)
+                + float(properties.get("wf_start_offset", 0.0))
+                + step * np.arange(len(channel), dtype=float)
+            )
             clock = time = clock if np.array_equal(clock, time) else time
         yield Channel(
             group=channel.group_name,
             name=channel.name,
             values=channel[:],
             time=time,
-            unit=str(next((said[key] for key in _TDMS_UNITS if key in said), "")),
+            unit=str(next((properties[key] for key in _TDMS_UNITS if key in properties), "")),
         )

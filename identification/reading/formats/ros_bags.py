@@ -59,23 +59,23 @@ def _topics(content: bytes, notes: list[str]) -> dict[str, _Topic]:
         if len(message.data) > _LARGEST or source.topic in unread:
             continue
         try:
-            said, stamp = _decoded(message.data, source.message_encoding, schema, factory)
+            decoded, stamp = _decoded(message.data, source.message_encoding, schema, factory)
         except Exception as error:  # from an unsupported definition; other topics may be valid
             why = "" if isinstance(error, _Unknown) else ", which cannot be decoded"
             unread[source.topic] = f"{source.message_encoding or 'unknown'}{why}"
             topics.pop(source.topic, None)
             continue
         topic = topics[source.topic]
-        topic.messages.append(said)
+        topic.messages.append(decoded)
         topic.logged.append(message.log_time)
         if stamp:
             topic.stamped.append(stamp)
     if unread:
         listed = ", ".join(f"'{topic}' ({why})" for topic, why in unread.items())
-        told = f"messages in json, and those of ROS 2 with their definitions, are read, but not those of {listed}"
+        reason = f"messages in json, and those of ROS 2 with their definitions, are read, but not those of {listed}"
         if not topics:
-            raise MalformedLog(f"{told}; export the log as CSV or with json messages")
-        notes.append(told)
+            raise MalformedLog(f"{reason}; export the log as CSV or with json messages")
+        notes.append(reason)
     return topics
 
 

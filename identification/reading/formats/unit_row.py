@@ -41,7 +41,7 @@ def _unit(cell: str) -> str | None:
 
 def units_above(above: Iterable[Sequence[str]], width: int) -> list[str] | None:
     """The units of the columns from a line of the preamble; None without such a line."""
-    for cells in _said(above, _UNITS_ABOVE, width):
+    for cells in _rows_above(above, _UNITS_ABOVE, width):
         if (units := row_of_units(cells)) is not None:
             return units
     return None
@@ -49,7 +49,7 @@ def units_above(above: Iterable[Sequence[str]], width: int) -> list[str] | None:
 
 def labelled(names: Sequence[str], above: Iterable[Sequence[str]]) -> list[str]:
     """The names, with a `CH1` replaced by its label in the preamble."""
-    for labels in _said(above, _LABELS_ABOVE, len(names)):
+    for labels in _rows_above(above, _LABELS_ABOVE, len(names)):
         called = [
             label if label and _NUMBERED.fullmatch(name) else name for name, label in zip(names, labels, strict=True)
         ]
@@ -58,7 +58,7 @@ def labelled(names: Sequence[str], above: Iterable[Sequence[str]]) -> list[str]:
     return list(names)
 
 
-def _said(above: Iterable[Sequence[str]], keys: Collection[str], width: int) -> Iterator[list[str]]:
+def _rows_above(above: Iterable[Sequence[str]], keys: Collection[str], width: int) -> Iterator[list[str]]:
     """The cells of lines that begin with one of the keys: one per column, or one per column except the time."""
     for cells in above:
         if not cells or cells[0].strip().strip(":#").strip().lower() not in keys:

@@ -20,15 +20,15 @@ from diagnosis.score_test import Screen
 from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
 
-_ALIKE = 1e-9  # share of the largest singular value; smaller ones are rounding errors
+_RANK_TOLERANCE = 1e-9  # share of the largest singular value; smaller ones are rounding errors
 
 
-def without_name(less: Explanation) -> list[Proposal]:
+def nonparametric_proposals(less: Explanation) -> list[Proposal]:
     """Non-parametric effects to add to a set in place of removed effects, the highest linearised evidence first."""
     discrepancy = less.discrepancy
     alone = replace(less.screen, nuisance=Nuisance(own=discrepancy.own, shared=discrepancy.shared))
     return [
-        Proposal(value=value, worth=lambda gain: gain, starts=((start.begun(),),))
+        Proposal(value=value, evidence=lambda gain: gain, starts=((start.begun(),),))
         for value, start in promising(alone, unnamed.values())
     ]
 
@@ -43,17 +43,17 @@ def promising(screen: Screen, kinds: Iterable[type[Nonparametric]]) -> list[tupl
     fit, found = screen.fit, list[tuple[float, Nonparametric]]()
     for kind in kinds:
         if kind.beside(fit.model) and fit.log.shows(kind):
-            found.extend(sorted(_asked(screen, kind), key=lambda pair: -pair[0])[:1])
+            found.extend(sorted(_by_shape(screen, kind), key=lambda pair: -pair[0])[:1])
     return sorted((pair for pair in found if pair[0] > 0.0), key=lambda pair: -pair[0])
 
 
-def _asked(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float, Nonparametric]]:
+def _by_shape(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float, Nonparametric]]:
     """Each shape of a kind with its expected gain in log-likelihood, less the costs of its sizes and of the search."""
     left = screen.nuisance.beyond(screen.innovations)
     for trace in kind.traces(screen.motion):
         columns = -response(screen.filters, trace.columns, on_reading=trace.acts_on == "reading")
         beyond = screen.nuisance.beyond(np.asarray(np.where(np.isfinite(columns), columns, 0.0)))
-        sizes = np.asarray(np.linalg.lstsq(beyond, left, rcond=_ALIKE)[0], dtype=np.float64)
+        sizes = np.asarray(np.linalg.lstsq(beyond, left, rcond=_RANK_TOLERANCE)[0], dtype=np.float64)
         share = float(np.sum((left - beyond @ sizes) ** 2) / max(float(left @ left), 1e-300))
         cost = 0.5 * len(sizes) * np.log(screen.fit.samples) + np.log(trace.searched)
         start = trace.start(sizes)

@@ -107,7 +107,7 @@ def posterior_of(**shares: float) -> Posterior:
 @pytest.mark.parametrize(
     ("without", "verdict"), [(0.95, "unknown"), (0.7, "ambiguous"), (0.05, "named")], ids=["sure", "likely", "unlikely"]
 )
-def test_what_stands_in_the_place_of_a_name_is_no_cause(without: float, verdict: str) -> None:
+def test_what_replaces_an_effect_is_no_cause(without: float, verdict: str) -> None:
     shares = {"cogging_and_curve_over_angle": without, "cogging": 0.98 - without, "": 0.02}
     posterior, missing = posterior_of(**shares), SimpleNamespace(excess=0.0, curves=())
     found = judged(posterior, missing, shows=False, ruled_out=None)  # type: ignore[arg-type]
@@ -118,7 +118,7 @@ def test_what_stands_in_the_place_of_a_name_is_no_cause(without: float, verdict:
     assert alternatives(posterior, "cogging") == ()
 
 
-def test_a_set_that_was_not_fitted_says_what_stands_in_a_place() -> None:
+def test_a_set_that_was_not_fitted_reports_its_replacement() -> None:
     """Else it would read as if nothing more were missing."""
     posterior = posterior_of(cogging_and_curve_over_angle=0.9, cogging=0.1)
     left = {frozenset({"curve_over_angle"}): 0.8, frozenset({"cogging"}): 0.2}
@@ -133,7 +133,7 @@ def test_a_name_has_to_exceed_what_has_none() -> None:
     sizes = SimpleNamespace(
         beyond=lambda name, out: {"cogging": 3.0, "torque_offset": 0.1}[name],
         beyond_special={},
-        without_name=1.0,
+        unexplained=1.0,
         to_exceed=lambda name: 1.0,
     )
     sound = SimpleNamespace(posterior=SimpleNamespace(at_its_limit=False))
@@ -149,7 +149,7 @@ def test_what_took_a_names_place_counts_with_the_discrepancy() -> None:
     names, anything = frozenset({"cogging", "torque_offset", "curve_over_angle"}), SimpleNamespace()
     sizes: Any = Sizes(fit=anything, names=names, bandwidth=0.0, here=anything, discrepancy=3.0)  # type: ignore[arg-type]
     sizes.__dict__["effects"] = {"cogging": 900.0, "torque_offset": 2.0, "curve_over_angle": 4.0}
-    assert sizes.without_name == pytest.approx(5.0)
+    assert sizes.unexplained == pytest.approx(5.0)
     assert sizes.to_exceed("cogging") == pytest.approx(5.0)
     assert sizes.to_exceed("torque_offset") == pytest.approx(9.0)  # a hundredth of the largest
 
@@ -170,7 +170,7 @@ def test_what_a_curve_could_be_is_fixed_beside_it_alone() -> None:
     assert free(stated) == {"gravity", "viscous_friction"}
 
 
-def test_what_the_most_telling_variable_needs_is_told_too() -> None:
+def test_what_the_most_informative_variable_needs_is_reported() -> None:
     """Angle tells nearly as much as velocity and is told; time adds to it; torque tells half, but adds nothing."""
     alone = {"velocity": 0.6, "angle": 0.5, "torque": 0.3, "time": 0.2}
     added = {"angle": 0.05, "torque": 0.02, "time": 0.15}
@@ -180,15 +180,15 @@ def test_what_the_most_telling_variable_needs_is_told_too() -> None:
 
     log = SimpleNamespace(log=SimpleNamespace(axis="rotary"))
     best: Any = SimpleNamespace(names=frozenset(), discrepancy=SimpleNamespace(explained_by=explained_by), fit=log)
-    told: Any = SimpleNamespace(best=best), SimpleNamespace(curves=())
-    assert variables(*told, frozenset()) == ("velocity", "angle", "time")
+    found: Any = SimpleNamespace(best=best), SimpleNamespace(curves=())
+    assert variables(*found, frozenset()) == ("velocity", "angle", "time")
     # what validation data ruled out as a prediction still says on what it depends
-    assert variables(*told, frozenset({"ripple_over_time", "cogging"})) == ("time",)
+    assert variables(*found, frozenset({"ripple_over_time", "cogging"})) == ("time",)
     best.names = frozenset({"curve_over_angle"})
-    assert variables(*told, frozenset({"ripple_over_time"})) == ("angle",)
+    assert variables(*found, frozenset({"ripple_over_time"})) == ("angle",)
 
 
-def test_where_nothing_is_named_what_has_no_name_is_asked_itself() -> None:
+def test_where_nothing_is_named_the_residual_itself_is_examined() -> None:
     """A wave in time is no smooth function of anything; nothing of the catalogue stands there that it could replace."""
     machine = Machine().hiding(periodic_disturbance={"amplitude": 0.4, "frequency": 1.4, "phase": 0.3})
     torque = switching(3, duration=30.0, sample_time=0.02, size=4.0)

@@ -22,7 +22,7 @@ _FOLLOWED = 1e-4  # share of a parameter's Jacobian beyond all others; with less
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Weighed:
+class SetLikelihood:
     """Marginal likelihood of a model with the discrepancy, linearised at a fit.
 
     Attributes:
@@ -42,7 +42,7 @@ class Weighed:
     log_likelihood: float
 
     @classmethod
-    def at(cls, fit: Fit, names: Collection[str], families: Families) -> Weighed | None:
+    def at(cls, fit: Fit, names: Collection[str], families: Families) -> SetLikelihood | None:
         """For a fit with some effects beyond the base model; None if the motion grows without bound."""
         here = Linearised.at(fit, fit.bandwidth)
         if here is None:
@@ -75,8 +75,8 @@ class Weighed:
         variance = self.posterior.variance
         left = self.discrepancy.left - self.discrepancy.columns @ self.posterior.functions
         weight = np.concatenate([run.weight for run in self.here.filters])
-        told = -0.5 * weight * (np.log(2.0 * np.pi * variance) + left**2 / variance)
-        return np.array([part.sum() for part in np.array_split(told, blocks)])
+        log_density = -0.5 * weight * (np.log(2.0 * np.pi * variance) + left**2 / variance)
+        return np.array([part.sum() for part in np.array_split(log_density, blocks)])
 
     @cached_property
     def share(self) -> float:
