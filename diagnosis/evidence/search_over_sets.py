@@ -69,12 +69,12 @@ def explore(
 
 
 def _try_chaotic(found: FittedSets) -> None:
-    """Try chaotic effects alone and, if that gains something, beside the best set; unless the base model is enough.
+    """Try chaotic effects alone and, if that gains something, beside the best set; unless that leaves nothing over.
 
     The linearised evidence of a chaotic effect says little, and other effects that resemble it explain a part of it.
     """
     bare, best = found.known[frozenset()], found.best
-    if found.held or (best is bare and bare.discrepancy.posterior.material <= LIKELY):
+    if found.held or best.discrepancy.posterior.material <= LIKELY:
         return
     for each in [each for each in proposals(found, bare) if each.chaotic and len(each.names) == 1]:
         try_sets(found, [Trial(bare, each)])
