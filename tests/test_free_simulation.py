@@ -80,16 +80,14 @@ def test_a_restart_goes_on_with_the_twist_of_a_shaft(window: float | None) -> No
     assert np.max(np.abs(simulated - log.runs[0].output)) < 2e-3
 
 
-def test_noise_winds_no_shaft_up() -> None:
-    """The start shows no twist: it is settled, not fitted to the noise."""
-    log = ringing(0)
-    noisy = Log.from_arrays(
-        time=log.runs[0].time,
-        torque=log.runs[0].command,
-        angle=log.runs[0].output + 1e-3 * np.random.default_rng(1).normal(size=TIME.size),
-    )
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_noise_winds_no_shaft_up(seed: int) -> None:
+    """The start shows no twist: it is settled. Fitted to the noise, it is ten times as wrong with most seeds."""
+    (run,) = ringing(0).runs
+    noise = 1e-3 * np.random.default_rng(seed).normal(size=TIME.size)
+    noisy = Log.from_arrays(time=run.time, torque=run.command, angle=run.output + noise)
     (simulated,) = free_simulation(noisy, SHAFT)
-    assert np.sqrt(np.mean((simulated - log.runs[0].output) ** 2)) < 0.02
+    assert np.sqrt(np.mean((simulated - run.output) ** 2)) < 0.02
 
 
 def test_what_cannot_be_simulated_is_refused() -> None:

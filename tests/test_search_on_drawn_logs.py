@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from drawn_machines import drawn
 
 from diagnosis import diagnose
+from diagnosis.evidence import search_over_sets
 from diagnosis.evidence.fitted_sets import FittedSets
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.search_over_sets import explore
@@ -100,9 +101,28 @@ def test_backlash_is_found_though_its_signature_says_nothing() -> None:
     assert width * share == pytest.approx(0.0492 * 0.352, rel=0.1)  # each alone is less certain
 
 
-def test_friction_is_fitted_with_the_observer_that_suits_it() -> None:
-    """A slow observer and a discrepancy explain this log better than friction with the fast one of the base model."""
+class _Reached(Exception):
+    """The search has come to a step that a test looks at."""
+
+
+def test_friction_is_fitted_with_the_observer_that_suits_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slow observer and a discrepancy explain this log better than the fast observer of the base model alone."""
+
+    def looked_at(found: FittedSets, parent: object, parents: object, bandwidth: float = np.inf) -> None:
+        assert found.best.fit.bandwidth == bandwidth < null.bandwidth / 10.0
+        raise _Reached
+
     null = fit(drawn(101304).log)
-    found = explore(null, {name: catalogue[name] for name in ("stribeck_friction", "sensor_lag")})
-    assert found.best.names >= {"stribeck_friction"}
-    assert found.best.fit.bandwidth < null.bandwidth / 10.0
+    monkeypatch.setattr(search_over_sets, "rise", looked_at)
+    with pytest.raises(_Reached):
+        explore(null, {name: catalogue[name] for name in ("stribeck_friction", "sensor_lag")})
+
+
+def test_backlash_is_tried_where_something_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing was promised, and what fits a little leaves most unexplained."""
+    null = fit(drawn(101139).log)
+    monkeypatch.setattr(search_over_sets, "rise", lambda *given: None)
+    monkeypatch.setattr(search_over_sets, "extend", lambda *given, **more: None)
+    found = explore(null, {name: catalogue[name] for name in ("backlash", "compliance")})
+    assert found.held
+    assert found.best.names == {"backlash"}
