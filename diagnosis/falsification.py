@@ -26,7 +26,7 @@ from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem, first_states
-from identification.simulation import starting_state
+from identification.simulation import settling, starting_state
 from plant.effects import catalogue
 from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
@@ -194,9 +194,8 @@ def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
     begun = problem.pack(fit.model.values, first_states(log))
     values, initial = problem.unpack(problem.minimise(begun, bandwidth, 0.0).point)
     if fit.model.drivetrain is not None and not fit.model.chaotic:  # its twist is a part of the initial state
-        early = STARTS * restart_window(log)
-        stretches = [run.slice(0, max(int(early / run.sample_time), 10)) for run in log.runs]
-        initial = np.array([starting_state(log, stretch, fit.model) for stretch in stretches])
+        settle = STARTS * restart_window(log)
+        initial = np.array([starting_state(log, settling(run, settle), fit.model) for run in log.runs])
     predictions = problem.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
     errors = np.concatenate([one.innovations[run.valid] for one, run in zip(predictions, log.runs, strict=True)])
     return bounded(errors) ** 2

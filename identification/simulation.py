@@ -67,13 +67,13 @@ def _simulate_run(
     followed = _followed(log, run, model, settle) if len(starts) > 1 and len(model.states) > 2 else None
     for first, last in zip(starts, [*starts[1:], len(run)], strict=True):
         part = run.slice(int(first), int(last))
-        seen = int(np.searchsorted(part.time - part.time[0], settle * (1.0 + _ROUNDING), side="right"))
-        if not part.valid[:seen].any():
+        begun = settling(part, settle)
+        if not begun.valid.any():
             # No valid sample to restart from: continue from the end of the last piece.
             state = end if end is not None else np.zeros(2)
         else:
             there = None if followed is None or first == 0 else followed[:, first]
-            state = starting_state(log, part.slice(0, max(seen, 2)), model, there)
+            state = starting_state(log, begun, model, there)
         # One sample more: the first one of the next piece.
         simulated, end = _from(log, run.slice(int(first), min(int(last) + 1, len(run))), model, state)
         parts.append(simulated[: len(part)])
@@ -81,11 +81,16 @@ def _simulate_run(
     return np.concatenate(parts)
 
 
+def settling(run: Run, settle: float) -> Run:
+    """The first seconds of a run, at least two samples."""
+    seen = int(np.searchsorted(run.time - run.time[0], settle * (1.0 + _ROUNDING), side="right"))
+    return run.slice(0, max(seen, 2))
+
+
 def _followed(log: Log, run: Run, model: ServoModel, settle: float) -> Array:
     """(n, T) states of an observer that follows a run."""
     predictor = Predictor(model=model, runs=(run,), free=(), substeps=steps_in_a_sample(model, log))
-    seen = int(np.searchsorted(run.time - run.time[0], settle * (1.0 + _ROUNDING), side="right"))
-    start = starting_state(log, run.slice(0, max(seen, 2)), model)[None, :]
+    start = starting_state(log, settling(run, settle), model)[None, :]
     bandwidth = HELD / log.sample_time
     return predictor.predict(model.values, start, bandwidth=bandwidth, width=0.0, sensitivities=False)[0].states
 
