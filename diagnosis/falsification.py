@@ -17,7 +17,7 @@ import numpy as np
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.wording import measured, percent
-from diagnosis.holdout import STARTS, bounded, cut, restart_window, squared_errors
+from diagnosis.holdout import bounded, cut, restart_window, squared_errors
 from diagnosis.jackknife import BLOCKS
 from diagnosis.levels import SIGNIFICANT, TWICE
 from diagnosis.refit import estimates, is_plausible, settled, without
@@ -26,7 +26,7 @@ from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem, first_states
-from identification.simulation import settling, starting_state
+from identification.unsettled_start import unsettled_if_shown
 from plant.effects import catalogue
 from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
@@ -192,10 +192,8 @@ def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
     """(T,) squared one-step prediction errors of a fit on validation runs, from fitted initial states."""
     problem = Problem.of(replace(log, colour=fit.log.colour), fit.model, fixed=fit.model.names)
     begun = problem.pack(fit.model.values, first_states(log))
-    values, initial = problem.unpack(problem.minimise(begun, bandwidth, 0.0).point)
-    if fit.model.drivetrain is not None and not fit.model.chaotic:  # its twist is a part of the initial state
-        settle = STARTS * restart_window(log)
-        initial = np.array([starting_state(log, settling(run, settle), fit.model) for run in log.runs])
+    problem, best = unsettled_if_shown(problem, problem.minimise(begun, bandwidth, 0.0), bandwidth)
+    values, initial = problem.unpack(best.point)
     predictions = problem.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
     errors = np.concatenate([one.innovations[run.valid] for one, run in zip(predictions, log.runs, strict=True)])
     return bounded(errors) ** 2

@@ -75,6 +75,6 @@ def _optimised(fit: Fit, best: Fit, name: str, others: Sequence[Effect], *, most
     """
     rest = best.model.without_effect(name)
     at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
-    near = replace(best, model=rest, bandwidth=at)
+    near = replace(best, model=rest, initial=best.initial_of(rest), bandwidth=at)
     similar = [problem_near(fit, rest.with_effect(other)) for other in others]
     return in_threads(lambda each: each.descend(near), most_promising(similar, near, at, _FIRST_STEP)[:most])

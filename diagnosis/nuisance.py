@@ -20,7 +20,7 @@ class Nuisance:
     """Orthonormal directions of the innovations (T,) that a fit can absorb.
 
     Attributes:
-        own: for each run, the directions (T_r, 0 to 2) of its initial state.
+        own: for each run, the directions (T_r, 0 to I) of its initial state.
         shared: (T, 0 to F) directions of the parameters, beyond the initial states.
     """
 
@@ -30,7 +30,7 @@ class Nuisance:
     @classmethod
     def of(cls, predictions: Sequence[Prediction]) -> Nuisance:
         """From the Jacobians of all runs."""
-        free = predictions[0].jacobian.shape[1] - 2
+        free = predictions[0].jacobian.shape[1] - predictions[0].initials
         own = tuple(basis(p.jacobian[:, free:]) for p in predictions)
         shared = np.vstack([p.jacobian[:, :free] for p in predictions])
         return cls(own=own, shared=basis(_beyond(own, shared)))

@@ -15,6 +15,7 @@ from identification.log import Log
 from identification.problem import Problem, first_states
 from identification.standard_errors import fit_with_errors
 from identification.threads import in_threads
+from identification.unsettled_start import unsettled_if_shown
 from plant.effects import Effect
 from plant.effects.effect import Covered
 from plant.servo import ServoModel
@@ -52,6 +53,7 @@ def fitted_from(start: Fit, problem: Problem, iterations: int = 30, begun: Minim
     """The fit of a problem with the observer of another fit, from there or from a minimisation in progress."""
     begun = problem.begun(start) if begun is None else begun
     ended = problem.minimise(begun.point, start.bandwidth, 0.0, iterations=iterations, at_start=begun.equations)
+    problem, ended = unsettled_if_shown(problem, ended, start.bandwidth)
     return fit_with_errors(problem, start.bandwidth, ended, begun.evaluations)
 
 

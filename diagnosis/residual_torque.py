@@ -168,7 +168,8 @@ def torque_of(fit: Fit, effect: str) -> tuple[float, float]:
     The share is of the power of the residual torque without the effect, from 0 to 1.
     """
     left = residual_torque(fit)
-    lacked = residual_torque(replace(fit, model=fit.model.without_effect(effect)), left.cutoff)
+    rest = fit.model.without_effect(effect)
+    lacked = residual_torque(replace(fit, model=rest, initial=fit.initial_of(rest)), left.cutoff)
     rms = float(np.sqrt(np.mean((lacked.torque - left.torque) ** 2)))
     share = 1.0 - (left.rms / lacked.rms) ** 2 if lacked.rms > 0.0 else 0.0
     return rms, float(np.clip(share, 0.0, 1.0))

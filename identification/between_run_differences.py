@@ -70,7 +70,7 @@ def between_run_differences(fit: Fit) -> str | None:
         return None
     lines = [fit[fit.model.names[place]] for place in fit.free]
     determined = [row for row, line in enumerate(lines) if line.value is not None and not line.at_bound]
-    runs = [run.about([*determined, len(lines), len(lines) + 1]) for run in runs]
+    runs = [run.about([*determined, *range(len(lines), len(lines) + objective.predictor.initials)]) for run in runs]
     own: list[int] = []
     while len(own) < len(determined):
         left = [row for row in range(len(determined)) if row not in own]

@@ -50,7 +50,8 @@ class Fit(Presented):
         free: (F,) indices of the fitted parameters.
         covariance: (F, F) of the fitted parameters, with the coloured innovations.
         white_covariance: (F, F) the same for white innovations.
-        initial: (R, 2) estimated angle and velocity at the first sample of each run.
+        initial: (R, 2) estimated angle and velocity at the first sample of each run; (R, n) with the departures of the
+            other states from where they would be settled, if the log shows these.
         bandwidth: of the observer [rad/s]; 0 if measurement noise alone explains the errors of a free simulation.
         noise_std: standard deviation of the innovations [rad].
         log_likelihood: of the valid samples, less half the prior's squared distance (`identification.prior`).
@@ -96,6 +97,17 @@ class Fit(Presented):
     def fixed(self) -> tuple[str, ...]:
         """Names of the parameters that were not fitted but kept their value."""
         return tuple(p.name for p in self.parameters if p.fixed)
+
+    def initial_of(self, model: ServoModel) -> Array:
+        """(R, I) initial states for another model: its states of the same name begin as here, others settled."""
+        given = self.model.states[: self.initial.shape[1]]
+        if len(given) == 2:
+            return self.initial
+        found = np.zeros((len(self.initial), len(model.states)))
+        for place, state in enumerate(model.states):
+            if state in given:
+                found[:, place] = self.initial[:, given.index(state)]
+        return found
 
     @property
     def noise_floor(self) -> float:

@@ -53,6 +53,7 @@ class Log(Drawn):
         position servo's error; `notes` then say so.
     colour: autoregression of the measurement noise from `identification.coloured_noise`; empty for white noise.
     evenly_timed: whether `identification.time_stamp_jitter` replaced the time stamps by even times.
+    unsettled: whether `identification.unsettled_start` found that hidden states do not begin settled.
 
     Raises `MalformedLog` when there is no run.
     """
@@ -67,9 +68,10 @@ class Log(Drawn):
     notes: tuple[str, ...] = ()
     colour: tuple[float, ...] = ()
     evenly_timed: bool = False
+    unsettled: bool = False
 
     _internal: ClassVar[frozenset[str]] = Drawn._internal | {
-        *("colour", "evenly_timed", "from_recordings", "head", "of_files", "of_tables", "shows"),
+        *("colour", "evenly_timed", "unsettled", "from_recordings", "head", "of_files", "of_tables", "shows"),
         *("torque_unit", "usable"),
     }
 

@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from identification.least_squares import NormalEquations
+from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.predictor import Predictor, steps_in_a_sample
 from identification.prior import Prior, prior
@@ -40,7 +40,7 @@ class Objective:
         log: to be explained.
         model: the structure; its values are those of the fixed parameters and one starting point.
         predictor: predicts the log's runs with the structure.
-        lower, upper: (F + 2R,) bounds of a point.
+        lower, upper: (F + R I,) bounds of a point.
         prior: of the free parameters, None without prior knowledge.
         known: the user's prior knowledge.
     """
@@ -97,11 +97,14 @@ class Objective:
             for spec in specs
         ]
         lower, upper = np.array(limits).reshape(-1, 2).T
-        unbounded = np.full(2 * len(log.runs), np.inf)
+        predictor = Predictor(
+            model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour, unsettled=log.unsettled
+        )
+        unbounded = np.full(predictor.initials * len(log.runs), np.inf)
         return cls(
             log=log,
             model=model,
-            predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour),
+            predictor=predictor,
             lower=np.concatenate((lower, -unbounded)),
             upper=np.concatenate((upper, unbounded)),
             prior=prior(log, model, free, known),
@@ -119,20 +122,44 @@ class Objective:
         return int(sum(run.valid.sum() for run in self.log.runs))
 
     def unpack(self, point: Array) -> tuple[Array, Array]:
-        """Parameters (P,) and initial states (R, 2) of a point (F + 2R,)."""
+        """Parameters (P,) and initial states (R, I) of a point (F + R I,)."""
         values = self.model.values
         values[list(self.free)] = point[: len(self.free)]
-        return values, point[len(self.free) :].reshape(-1, 2)
+        return values, point[len(self.free) :].reshape(len(self.log.runs), -1)
 
     def pack(self, values: Array, initial: Array) -> Array:
-        """The point (F + 2R,) of parameters (P,) and initial states (R, 2)."""
-        return np.concatenate((values[list(self.free)], initial.ravel()))
+        """The point (F + R I,) of parameters (P,) and initial states (R, 2), hidden states settled, or (R, n)."""
+        begun = np.zeros((len(initial), self.predictor.initials))
+        width = min(begun.shape[1], initial.shape[1])
+        begun[:, :width] = initial[:, :width]
+        return np.concatenate((values[list(self.free)], begun.ravel()))
 
     def linearise(self, point: Array, bandwidth: float, width: float) -> NormalEquations:
         """The normal equations at a point."""
         values, initial = self.unpack(point)
         pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width)
         return self.with_prior(normal_equations(pieces, len(self.log.runs)), point)
+
+    def minimise(
+        self,
+        start: Array,
+        bandwidth: float,
+        width: float,
+        iterations: int = 30,
+        at_start: NormalEquations | None = None,
+        tolerance: float = 0.01,
+    ) -> Minimum:
+        """The best point at a bandwidth and a width; arguments as in `least_squares.minimise`."""
+        return minimise(
+            lambda point: self.linearise(point, bandwidth, width),
+            start,
+            self.lower,
+            self.upper,
+            samples=self.samples,
+            iterations=iterations,
+            at_start=at_start,
+            tolerance=tolerance,
+        )
 
     def cost(self, point: Array, bandwidth: float, width: float) -> float:
         """Sum of squared innovations at a point, times `loss`; infinite where the prediction overflows."""

@@ -37,25 +37,26 @@ class PerRun:
         return cls(objective=objective, own=tuple(rows.index(name) for name in names))
 
     def places(self, run: int) -> NDArray[np.intp]:
-        """(F + 2,) indices of a run's parameters and initial state in a point."""
-        return places(len(self.objective.free), run, len(self.objective.log.runs), self.own)
+        """(F + I,) indices of a run's parameters and initial state in a point."""
+        objective = self.objective
+        return places(len(objective.free), run, len(objective.log.runs), self.own, objective.predictor.initials)
 
     def begun(self, fit: Fit) -> Array:
         """The point in which all runs have the values of a fit."""
         common = fit.model.values[list(self.objective.free)]
-        point = np.empty(point_size(common.size, len(fit.initial), self.own))
+        point = np.empty(point_size(common.size, len(fit.initial), self.own, self.objective.predictor.initials))
         for run, initial in enumerate(fit.initial):
             point[self.places(run)] = np.concatenate((common, initial))
         return point
 
     def predictions(self, point: Array, bandwidth: float) -> list[Prediction]:
         """Predictions of all runs, each with its parameters."""
-        found = []
+        found, count = [], len(self.objective.free)
         for run, one in enumerate(self.objective.log.runs):
             values, part = self.objective.model.values, point[self.places(run)]
-            values[list(self.objective.free)] = part[:-2]
+            values[list(self.objective.free)] = part[:count]
             predictor = replace(self.objective.predictor, runs=(one,))
-            found += predictor.predict(values, part[None, -2:], bandwidth=bandwidth, width=0.0)
+            found += predictor.predict(values, part[None, count:], bandwidth=bandwidth, width=0.0)
         return found
 
     def minimise(self, start: Array, bandwidth: float, iterations: int = 20) -> Minimum:
@@ -105,7 +106,7 @@ def fit_apart(first: Fit, names: tuple[str, ...]) -> Fit:
         means = found.model.values
         means[at] = values.mean(axis=0)
         log, model = _moved_apart(found.log, names, values), found.model.with_values(means)
-        initial = np.array([best.point[problem.places(run)[-2:]] for run in range(len(values))])
+        initial = np.array([best.point[problem.places(run)[len(found.free) :]] for run in range(len(values))])
         begun = replace(found, log=log, model=model, initial=initial)
         found = with_coloured_noise(with_its_clock(Problem.of(log, model, fixed=found.fixed).descend(begun)))
     return replace(found, parameters=_lines(found, first, problem, np.sqrt(np.diag(spread))))

@@ -92,9 +92,10 @@ class Prediction:
     Attributes:
         errors: (T,) measured less predicted angle, or velocity where that is measured; zero where masked.
         innovations: (T,) errors whitened with the colour of the measurement noise.
-        jacobian: (T, F + 2) their derivative with respect to the free parameters and the initial angle and velocity.
+        jacobian: (T, F + I) their derivative with respect to the free parameters and the initial state.
         states: (n, T) predicted states, before the measurement is used.
         output: (T,) predicted angle, or velocity.
+        initials: I, how many numbers of the initial state are fitted.
     """
 
     errors: Array
@@ -102,6 +103,7 @@ class Prediction:
     jacobian: Array
     states: Array
     output: Array
+    initials: int = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,6 +116,7 @@ class Predictor:
         free: (F,) indices of the parameters of the Jacobian.
         substeps: integration steps in one sample.
         colour: autoregression of the measurement noise, see `identification.coloured_noise`.
+        unsettled: whether the Jacobian is also that of the hidden initial states, see `identification.unsettled_start`.
     """
 
     model: ServoModel
@@ -121,6 +124,15 @@ class Predictor:
     free: tuple[int, ...]
     substeps: int = 1
     colour: tuple[float, ...] = ()
+    unsettled: bool = False
+
+    @property
+    def initials(self) -> int:
+        """I, how many numbers of the initial state of a run are fitted: angle and velocity, or all states.
+
+        The hidden states of a backlash are not fitted: the first impact makes them forgotten.
+        """
+        return len(self.model.states) if self.unsettled and not self.model.chaotic else 2
 
     def predict(
         self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
@@ -129,7 +141,8 @@ class Predictor:
 
         Args:
             values: (P,) all parameters of the model.
-            initial: (R, 2) angle and velocity at the first sample of each run, or (R, n) all states.
+            initial: (R, 2) angle and velocity at the first sample of each run, all other states settled; or (R, n) with
+                the departures of the others from there.
             bandwidth: of the observer [rad/s]; 0 is a free simulation.
             width: smoothing of dry friction [rad/s]; 0 is the exact form.
             sensitivities: compute the Jacobian too.
@@ -145,7 +158,8 @@ class Predictor:
         """`predict` piece by piece, with the index of the run: a pass over a long log with little memory."""
         free = self.free if sensitivities else None
         positioned = any(run.positioned for run in self.runs)
-        follow = _prediction(Structure(self.model), free, self.substeps, positioned, self.runs[0].response)
+        own_start = self.initials
+        follow = _prediction(Structure(self.model), free, self.substeps, positioned, self.runs[0].response, own_start)
         for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
             carried = self._beginning(run, values, start, sensitivities)
             whitened = Whitening(self.colour)
@@ -156,7 +170,7 @@ class Predictor:
                 carried, (errors, jacobian, states) = follow(carried, rows, moved)
                 output = rows[:, len(INPUTS)] - errors[:, 0]
                 if own is not None:
-                    jacobian = np.hstack((jacobian[:, :-2] @ own, jacobian[:, -2:]))
+                    jacobian = np.hstack((jacobian[:, :-own_start] @ own, jacobian[:, -own_start:]))
                 masked = ~run.valid[part]
                 errors[masked], jacobian[masked] = 0.0, 0.0  # not times zero: a simulation that overflows is infinite
                 white = whitened(np.hstack((errors, jacobian))) if self.colour else None
@@ -170,17 +184,21 @@ class Predictor:
                         jacobian=jacobian if white is None else white[:, 1:],
                         states=states.T,
                         output=output,
+                        initials=own_start,
                     ),
                 )
 
     def _beginning(self, run: Run, values: Array, start: Array, sensitivities: bool) -> list[Array]:
-        """State (n,) at the first sample of a run, and its sensitivities (F + 2, n); only the last two are not zero."""
-        slopes = np.zeros((len(self.free) + 2 if sensitivities else 0, len(self.model.states)))
+        """State (n,) at the first sample of a run, and its sensitivities (F + I, n); only the last I are not zero."""
+        own_start = self.initials
+        slopes = np.zeros((len(self.free) + own_start if sensitivities else 0, len(self.model.states)))
         if sensitivities:
-            slopes[-2:] = moves_with(self.model)[:, :2].T
-        return [start if start.size > 2 else self.beginning(run, values, start), slopes]
+            slopes[-own_start:] = initial_moves(self.model)[:, :own_start].T
+        state = self.settled(run, values, start)
+        state[2 : start.size] += start[2:]
+        return [state, slopes]
 
-    def beginning(self, run: Run, values: Array, start: Array) -> Array:
+    def settled(self, run: Run, values: Array, start: Array) -> Array:
         """(n,) state at the first sample of a run with an angle and a velocity (2,), all else settled."""
         (first,), _ = run_inputs(run, self.model, values, 0.0, 0.0, slice(0, 1))
         return beginning(
@@ -202,6 +220,7 @@ def _joined(pieces: Sequence[Prediction]) -> Prediction:
         jacobian=np.concatenate([p.jacobian for p in pieces]),
         states=np.concatenate([p.states for p in pieces], axis=1),
         output=np.concatenate([p.output for p in pieces]),
+        initials=pieces[0].initials,
     )
 
 
@@ -265,16 +284,26 @@ def moves_with(model: ServoModel) -> Array:
     return np.array([[kind is one for one in moved] for kind in model.kinds], dtype=float)
 
 
+def initial_moves(model: ServoModel) -> Array:
+    """(n, n) states that move with each number of an initial state: with angle, velocity, departures of the others."""
+    return np.hstack((moves_with(model)[:, :2], np.eye(len(model.states))[:, 2:]))
+
+
 @recursion(carried=2)
 def _prediction(
-    structure: Structure, free: tuple[int, ...] | None, substeps: int, positioned: bool, response: Response
+    structure: Structure,
+    free: tuple[int, ...] | None,
+    substeps: int,
+    positioned: bool,
+    response: Response,
+    initials: int,
 ) -> Any:
     """(state, slopes), rows of `run_inputs`, parameters -> error, its slopes, predicted state, at each sample.
 
     Without `free` there are no slopes; if no run is `positioned` there is no servo gain.
     """
     model = structure.model
-    n, columns = len(model.states), 0 if free is None else len(free) + 2
+    n, columns = len(model.states), 0 if free is None else len(free) + initials
     step = step_with_slopes(model, free or (), columns, substeps=substeps, positioned=positioned)
     state, slopes = ca.SX.sym("state", n), ca.SX.sym("slopes", n, columns)
     moved_by = moves_with(model)
@@ -283,7 +312,7 @@ def _prediction(
     error = row[len(INPUTS)] - shown
     error_slopes = -ca.mtimes(ca.jacobian(shown, state), slopes)
     if free is not None:
-        error_slopes -= ca.horzcat(ca.jacobian(shown, parameters[list(free)]), ca.SX(1, 2))
+        error_slopes -= ca.horzcat(ca.jacobian(shown, parameters[list(free)]), ca.SX(1, initials))
     correction = ca.mtimes(ca.DM(moved_by), row[len(INPUTS) + 1 :])
     followed = slopes + ca.mtimes(correction, error_slopes)
     corrected = [state + correction * error, forgetful(model, followed)]

@@ -15,13 +15,14 @@ import numpy as np
 
 from identification.bandwidth import adjacent, between, parabola_top
 from identification.fit_result import Fit
-from identification.least_squares import Minimum, NormalEquations, minimise
+from identification.least_squares import Minimum
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
 from identification.predictor import DIVERGED, HELD, measured_state
 from identification.regression import starting_values
 from identification.standard_errors import divergent_fit, fit_with_errors
+from identification.unsettled_start import unsettled_if_shown
 from plant.effects.effect import Array
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
@@ -43,27 +44,6 @@ class _Trial:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem(Objective):
     """A fit before it is solved."""
-
-    def minimise(
-        self,
-        start: Array,
-        bandwidth: float,
-        width: float,
-        iterations: int = 30,
-        at_start: NormalEquations | None = None,
-        tolerance: float = 0.01,
-    ) -> Minimum:
-        """The best point at a bandwidth and a width; arguments as in `least_squares.minimise`."""
-        return minimise(
-            lambda point: self.linearise(point, bandwidth, width),
-            start,
-            self.lower,
-            self.upper,
-            samples=self.samples,
-            iterations=iterations,
-            at_start=at_start,
-            tolerance=tolerance,
-        )
 
     def solve(
         self,
@@ -101,14 +81,16 @@ class Problem(Objective):
             bandwidth: self._trial(minimum.point, bandwidth, 4) if smoothed else self._judged(minimum, bandwidth)
             for bandwidth, minimum in visited
         }
-        return self._held(fit_with_errors(self, *self._refined(trials), sum(m.evaluations for _, m in visited)))
+        return self._held(self._finished(trials, sum(m.evaluations for _, m in visited)))
 
     def _plausible(self, minimum: Minimum) -> bool:
         """Whether motion and sensitivities stay bounded; without an observer those of an unstable load do not."""
         if not np.isfinite(minimum.equations.cost):
             return False
         runs = self.log.runs
-        grown = np.diag(minimum.equations.information)[-2 * len(runs) :][measured_state(self.log.response) :: 2]
+        initials = self.predictor.initials
+        grown = np.diag(minimum.equations.information)[-initials * len(runs) :]
+        grown = grown[measured_state(self.log.response) :: initials]
         most = DIVERGED**2 * np.array([len(run) for run in runs])
         return self.model.chaotic or bool((grown <= most).all())
 
@@ -119,7 +101,7 @@ class Problem(Objective):
         return [0.1 * typical, 0.02 * typical, 0.004 * typical, 0.0]
 
     def _nearest(self, points: Sequence[Array], bandwidth: float, width: float) -> Array:
-        """The point (F + 2R,) with the smallest cost."""
+        """The point (F + R I,) with the smallest cost."""
         return min(points, key=lambda point: self.cost(point, bandwidth, width))
 
     def begun(self, start: Fit) -> Minimum:
@@ -166,7 +148,7 @@ class Problem(Objective):
         trials = {at: trial for at, trial in trials.items() if self._plausible(trial.minimum)}
         if not trials:
             return divergent_fit(self, start.initial, highest, evaluations)
-        found = fit_with_errors(self, *self._refined(trials), evaluations)
+        found = self._finished(trials, evaluations)
         return self._held((self.log.colour and self.recoloured(found)) or found)
 
     def recoloured(self, fit: Fit, least: float = -np.inf) -> Fit | None:
@@ -225,13 +207,13 @@ class Problem(Objective):
         return self.minimise(self._taken_over(start), bandwidth, 0.0, iterations).equations.cost
 
     def _taken_over(self, start: Fit) -> Array:
-        """The point (F + 2R,) with parameters of the same name and initial states from another fit."""
+        """The point (F + R I,) with parameters and states of the same name from another fit."""
         values = self.model.values
         for place in self.free:
             name = self.model.names[place]
             if name in start.model.names:
                 values[place] = start.model.values[start.model.names.index(name)]
-        return self.pack(values, start.initial)
+        return self.pack(values, start.initial_of(self.model))
 
     def output_error(self, start: Fit) -> Fit | None:
         """The fit of a free simulation that starts from another fit of the same model, None if it is hopeless."""
@@ -261,6 +243,14 @@ class Problem(Objective):
         charge = 0.5 * np.log(self.samples) if bandwidth else 0.0
         score = log_likelihood(minimum.equations.cost, self.samples) - charge if self._plausible(minimum) else -np.inf
         return _Trial(minimum=minimum, score=score)
+
+    def _finished(self, trials: dict[float, _Trial], evaluations: int) -> Fit:
+        """The fit at the best bandwidth, with hidden initial states if the log shows them."""
+        bandwidth, minimum = self._refined(trials)
+        problem, best = unsettled_if_shown(self, minimum, bandwidth)
+        if problem is not self:  # without the errors of the start another observer may be better
+            bandwidth, best = problem._refined({at: problem._trial(best.point, at, iterations=30) for at in trials})
+        return fit_with_errors(problem, bandwidth, best, evaluations)
 
     def _refined(self, trials: dict[float, _Trial]) -> tuple[float, Minimum]:
         """The best bandwidth: bracket the best trial by its neighbours, then go twice to the vertex of a parabola.

@@ -10,7 +10,7 @@ import numpy as np
 from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log, Run
 from identification.objective import same_unit
-from identification.predictor import HELD, Prediction, Predictor, moves_with, steps_in_a_sample
+from identification.predictor import HELD, Predictor, steps_in_a_sample
 from identification.problem import first_states
 from plant.effects.effect import Array
 from plant.errors import BadParameter
@@ -96,68 +96,55 @@ def _followed(log: Log, run: Run, model: ServoModel, settle: float) -> Array:
 
 
 def _from(log: Log, run: Run, model: ServoModel, state: Array) -> tuple[Array, Array]:
-    """Output (T,) from a state, (2,) or (n,), and the last state (2,)."""
+    """Output (T,) from an initial state, (2,) or (n,), and the last angle and velocity (2,)."""
     predictor = Predictor(model=model, runs=(run,), free=(), substeps=steps_in_a_sample(model, log))
     free = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=False)[0]
     return free.output, free.states[:2, -1]
 
 
 def starting_state(log: Log, start: Run, model: ServoModel, there: Array | None = None) -> Array:
-    """(n,) state at the first sample of a run, from a fit to a short stretch of its measured output.
+    """The initial state of a run, from a fit to a short stretch of its measured output.
 
-    Angle and velocity are fitted. The other states are those of an observer, or settled. In the latter case the twist
-    of a shaft and its rate are fitted too if the stretch shows them: a load that is moving has wound the shaft up.
+    Angle and velocity are fitted. The other states are those of an observer, or settled. In the latter case they are
+    fitted too if the stretch shows them: a load that is moving has wound its shaft up.
 
     Args:
         log: of the run.
         start: the stretch.
         model: the servo.
         there: (n,) states of an observer at the first sample, if there are earlier samples.
+
+    Returns:
+        (n,) angle and velocity, and the departures of the other states from where they would be settled.
     """
     predictor = Predictor(model=model, runs=(start,), free=(), substeps=steps_in_a_sample(model, log))
-    guess = first_states(replace(log, runs=(start,)))[0]
-    around = predictor.beginning(start, model.values, guess) if there is None else there
-    moves = moves_with(model)[:, :2]
-    settled = _fitted(predictor, guess, around, moves)
-    twist = np.eye(len(model.states))[:, _twisted(model)]
-    if there is not None or not twist.size:
-        return around + moves @ (settled.point - around[:2])
-    wound = _fitted(predictor, guess, around, np.hstack((moves, twist)))
-    samples = int(start.valid.sum())
-    gain = 0.5 * samples * np.log(max(settled.equations.cost, 1e-300) / max(wound.equations.cost, 1e-300))
-    if not gain > 0.5 * twist.shape[1] * np.log(samples):  # Schwarz 1978
-        return around + moves @ (settled.point - around[:2])
-    return around + np.hstack((moves, twist)) @ (wound.point - np.concatenate((around[:2], np.zeros(twist.shape[1]))))
+    begun = np.zeros(len(model.states))
+    begun[:2] = first_states(replace(log, runs=(start,)))[0]
+    if there is not None:
+        begun[2:] = (there - predictor.settled(start, model.values, there[:2]))[2:]
+    settled = _fitted(predictor, begun)
+    free = replace(predictor, unsettled=True)
+    if there is not None or free.initials == predictor.initials:
+        return _with(begun, settled)
+    unsettled, samples = _fitted(free, begun), int(start.valid.sum())
+    gain = 0.5 * samples * np.log(max(settled.equations.cost, 1e-300) / max(unsettled.equations.cost, 1e-300))
+    shown = gain > 0.5 * (free.initials - predictor.initials) * np.log(samples)  # Schwarz 1978
+    return _with(begun, unsettled if shown else settled)
 
 
-def _fitted(predictor: Predictor, guess: Array, around: Array, moves: Array) -> Minimum:
-    """The fit of a free simulation by changes of the initial state along columns (n, k), the first two from `guess`."""
+def _fitted(predictor: Predictor, begun: Array) -> Minimum:
+    """The fit of a free simulation by those numbers of the initial state (n,) that a predictor fits."""
     (start,) = predictor.runs
-    values, size = predictor.model.values, float(np.ptp(start.output))
-    steps = 1e-3 * max(size, 1e-9) * np.array([1.0, 1.0 / max(start.duration, 1e-9)])
-    begun = np.concatenate((around[:2], np.zeros(moves.shape[1] - 2)))
-
-    def predicted(at: Array, sensitivities: bool = False) -> Prediction:
-        state = around + moves @ (at - begun)
-        return predictor.predict(values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=sensitivities)[0]
 
     def linearise(point: Array) -> NormalEquations:
-        here = predicted(point, sensitivities=True)
-        others = [
-            (predicted(point + step * unit).innovations - here.innovations) / step
-            for step, unit in zip(steps, np.eye(point.size)[2:], strict=False)
-        ]
-        return NormalEquations.of(here.innovations, np.column_stack((here.jacobian, *others)))
+        begun[: point.size] = point
+        here = predictor.predict(predictor.model.values, begun[None, :], bandwidth=0.0, width=0.0)[0]
+        return NormalEquations.of(here.innovations, here.jacobian)
 
-    unbounded, first = np.full(begun.size, np.inf), np.concatenate((guess, begun[2:]))
-    samples = int(start.valid.sum())
-    return minimise(linearise, first, -unbounded, unbounded, samples=samples, iterations=10)
+    begun, unbounded = begun.copy(), np.full(predictor.initials, np.inf)
+    first, samples = begun[: predictor.initials], int(start.valid.sum())
+    return minimise(linearise, first.copy(), -unbounded, unbounded, samples=samples, iterations=10)
 
 
-def _twisted(model: ServoModel) -> list[int]:
-    """Places of the states of a shaft that twists; none of a backlash, of which the start is soon forgotten."""
-    shaft = model.drivetrain
-    if shaft is None or shaft.chaotic:
-        return []
-    place = 2 + sum(len(effect.states) for effect in model.effects[: model.effects.index(shaft)])
-    return list(range(place, place + len(shaft.states)))
+def _with(begun: Array, fitted: Minimum) -> Array:
+    return np.concatenate((fitted.point, begun[fitted.point.size :]))

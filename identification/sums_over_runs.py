@@ -1,8 +1,9 @@
 """Sums over the runs of a log: the runs share the parameters, and each has its initial state.
 
-A point of a fit is (F + 2R,): the parameters, then angle and velocity at the first sample of each run. If M of the
-parameters differ from run to run it is (F - M + R M + 2R,): the shared parameters, those of each run, then the initial
-states. The Jacobian of a run has only F + 2 non-zero columns; a fit needs only these sums of it.
+A point of a fit is (F + R I,): the parameters, then the initial state of each run: angle and velocity, and the hidden
+states where these are fitted. If M of the parameters differ from run to run it is (F - M + R M + R I,): the shared
+parameters, those of each run, then the initial states. The Jacobian of a run has only F + I non-zero columns; a fit
+needs only these sums of it.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ def normal_equations(pieces: Iterable[tuple[int, Prediction]], runs: int, own: S
     cost, gradient, information = 0.0, np.zeros(0), np.zeros((0, 0))
     for run, piece in pieces:
         if not gradient.size:
-            size = point_size(piece.jacobian.shape[1] - 2, runs, own)
+            size = point_size(piece.jacobian.shape[1] - piece.initials, runs, own, piece.initials)
             gradient, information = np.zeros(size), np.zeros((size, size))
-        at = places(piece.jacobian.shape[1] - 2, run, runs, own)
+        at = places(piece.jacobian.shape[1] - piece.initials, run, runs, own, piece.initials)
         part = NormalEquations.of(piece.innovations, piece.jacobian)
         cost += part.cost
         if not np.isfinite(cost):
@@ -47,11 +48,12 @@ def normal_equations(pieces: Iterable[tuple[int, Prediction]], runs: int, own: S
 def informations(predictions: Sequence[Prediction], own: Sequence[int] = ()) -> tuple[Array, Array]:
     """J'J and J'RJ, with R the covariance of the innovations, zero between runs; `own` as in `normal_equations`."""
     coefficients, variance = colouring(np.concatenate([p.innovations for p in predictions]))
-    free, runs = predictions[0].jacobian.shape[1] - 2, len(predictions)
-    size = point_size(free, runs, own)
+    initials, runs = predictions[0].initials, len(predictions)
+    free = predictions[0].jacobian.shape[1] - initials
+    size = point_size(free, runs, own, initials)
     white, coloured = np.zeros((size, size)), np.zeros((size, size))
     for run, p in enumerate(predictions):
-        at = places(free, run, runs, own)
+        at = places(free, run, runs, own, initials)
         block = np.ix_(at, at)
         with np.errstate(over="ignore", invalid="ignore"):  # of a nearly unstable model
             white[block] += p.jacobian.T @ p.jacobian
@@ -60,15 +62,15 @@ def informations(predictions: Sequence[Prediction], own: Sequence[int] = ()) -> 
     return white, coloured
 
 
-def point_size(free: int, runs: int, own: Sequence[int]) -> int:
+def point_size(free: int, runs: int, own: Sequence[int], initials: int = 2) -> int:
     """Length of a point with `free` parameters, of which those in `own` differ from run to run."""
-    return free + len(own) * (runs - 1) + 2 * runs
+    return free + len(own) * (runs - 1) + initials * runs
 
 
-def places(free: int, run: int, runs: int, own: Sequence[int] = ()) -> NDArray[np.intp]:
-    """(F + 2,) indices of a run's columns among those of the log."""
-    found, shared = np.empty(free + 2, dtype=np.intp), free - len(own)
+def places(free: int, run: int, runs: int, own: Sequence[int] = (), initials: int = 2) -> NDArray[np.intp]:
+    """(F + I,) indices of a run's columns among those of the log."""
+    found, shared = np.empty(free + initials, dtype=np.intp), free - len(own)
     found[[row for row in range(free) if row not in own]] = np.arange(shared)
     found[list(own)] = shared + len(own) * run + np.arange(len(own))
-    found[free:] = shared + len(own) * runs + 2 * run + np.arange(2)
+    found[free:] = shared + len(own) * runs + initials * run + np.arange(initials)
     return found

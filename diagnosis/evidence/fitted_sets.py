@@ -112,7 +112,8 @@ class FittedSets:
             if not similar:
                 break
             rest = fit.model.without_effect(name)
-            other = self.fitted(replace(fit, model=rest), [rest.with_effect(each) for each in similar], bandwidth)
+            less = replace(fit, model=rest, initial=fit.initial_of(rest))
+            other = self.fitted(less, [rest.with_effect(each) for each in similar], bandwidth)
             fit = max((fit, other), key=lambda each: each.log_likelihood)
             if stage == 0 and fit.log_likelihood < least:
                 break

@@ -70,14 +70,14 @@ def predicted(
     """A model predicted along a fit's log from its initial states."""
     problem = Problem.of(fit.log, model, known=fit.known)
     predictions = problem.predictor.predict(
-        model.values, fit.initial, bandwidth=bandwidth, width=0.0, sensitivities=sensitivities
+        model.values, fit.initial_of(model), bandwidth=bandwidth, width=0.0, sensitivities=sensitivities
     )
     return problem, predictions
 
 
 def _is_held(predictions: Sequence[Prediction], start: int) -> bool:
     """Whether errors of the initial angle, or velocity, do not grow so far that they dominate all sensitivities."""
-    return max(float(np.mean(p.jacobian[:, start - 2] ** 2)) for p in predictions) <= DIVERGED**2
+    return max(float(np.mean(p.jacobian[:, start - p.initials] ** 2)) for p in predictions) <= DIVERGED**2
 
 
 def is_bounded(predictions: Sequence[Prediction]) -> bool:

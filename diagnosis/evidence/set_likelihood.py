@@ -15,6 +15,7 @@ from diagnosis.evidence.prior import log_density
 from diagnosis.linear import response
 from identification.fit_result import Fit
 from identification.problem import Problem
+from identification.unsettled_start import charge
 from plant.effects.effect import Array
 from plant.effects.nonparametric_curve import Nonparametric
 
@@ -44,7 +45,7 @@ class SetLikelihood:
     @classmethod
     def at(cls, fit: Fit, names: Collection[str], families: Families) -> SetLikelihood | None:
         """For a fit with some effects beyond the base model; None if the motion grows without bound."""
-        here = Linearised.at(fit, fit.bandwidth)
+        here, problem = Linearised.at(fit, fit.bandwidth), Problem.of(fit.log, fit.model, known=fit.known)
         if here is None:
             return None
         noise = float(np.sqrt(np.sum(fit.innovations**2) / fit.samples))  # masked samples are zero and do not count
@@ -62,7 +63,7 @@ class SetLikelihood:
             noise=noise,
             unmodelled=responses.columns[:, :torques] @ discrepancy.posterior.functions[:torques],
             discrepancy=discrepancy,
-            log_likelihood=discrepancy.posterior.log_likelihood + volume,
+            log_likelihood=discrepancy.posterior.log_likelihood + volume - charge(problem),
         )
 
     @property

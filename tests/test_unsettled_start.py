@@ -1,0 +1,93 @@
+"""Hidden initial states: fitted where a run was cut out of a motion, settled where it begins at rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification import fit
+from identification.fit_result import Fit
+from identification.log import Log
+from identification.problem import Problem
+from identification.simulation import free_simulation
+from plant import ServoModel, simulate
+from plant.effects import ActuatorLag, Compliance, SensorLag
+
+DT, NOISE = 0.01, 1e-4
+RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=3.0)
+LAGGED = replace(RIGID, effects=(ActuatorLag(time_constant=0.2),))
+SLOW = replace(RIGID, effects=(SensorLag(time_constant=0.2),))
+WOUND = replace(RIGID, effects=(Compliance(frequency=12.0, damping=0.03, motor_share=0.3),))
+
+
+def cut(truth: ServoModel, first: int, *, runs: int = 1) -> tuple[Log, np.ndarray]:
+    """A log that begins at a sample of a motion from rest, and the true states."""
+    time = np.arange(1500) * DT
+    rng = np.random.default_rng(3)
+    tables, states = [], []
+    for run in range(runs):
+        torque = 4.0 * np.sin(2 * np.pi * (0.5 + 0.2 * run) * time) + 2.0 * np.sign(np.sin(2 * np.pi * 0.31 * time))
+        states = simulate(truth, command=torque, dt=DT)
+        shown = states[:-1, -1] if truth.holds("sensor_lag") else states[:-1, 0]
+        angle = shown + NOISE * rng.standard_normal(time.size)
+        tables.append({"time": time[first:] - time[first], "torque": torque[first:], "angle": angle[first:]})
+    logs = [Log.from_arrays(**table) for table in tables]
+    return replace(logs[0], runs=tuple(log.runs[0] for log in logs)), np.asarray(states[first:-1])
+
+
+def fitted(log: Log, truth: ServoModel) -> Fit:
+    return fit(log, truth)
+
+
+@pytest.mark.parametrize("truth", [LAGGED, SLOW, WOUND], ids=["lag", "sensor", "shaft"])
+def test_the_states_behind_a_cut_are_found(truth: ServoModel) -> None:
+    log, states = cut(truth, 333)
+    found = fitted(log, truth)
+    assert found.log.unsettled
+    assert found.noise_std == pytest.approx(NOISE, rel=0.1)
+    for line, true in zip(found.parameters, truth.values, strict=True):
+        assert line.std is not None
+        assert abs(line.value - true) < 4.0 * line.std
+    predictor = Problem.of(found.log, found.model).predictor
+    settled = predictor.settled(found.log.runs[0], found.model.values, found.initial[0])
+    begun = settled[2:] + found.initial[0, 2:]
+    assert np.abs(states[0, 2:] - settled[2:]).max() > 0.02  # it does matter
+    np.testing.assert_allclose(begun, states[0, 2:], rtol=0.05, atol=0.01)
+
+
+@pytest.mark.parametrize("truth", [LAGGED, SLOW, WOUND], ids=["lag", "sensor", "shaft"])
+def test_a_run_from_rest_begins_settled(truth: ServoModel) -> None:
+    found = fitted(cut(truth, 0)[0], truth)
+    assert not found.log.unsettled
+    assert found.initial.shape == (1, 2)
+
+
+def test_a_rigid_body_has_no_hidden_start() -> None:
+    found = fitted(cut(RIGID, 333)[0], RIGID)
+    assert not found.log.unsettled
+
+
+def test_every_run_has_its_own_hidden_start() -> None:
+    log, _ = cut(LAGGED, 333, runs=2)
+    found = fitted(log, LAGGED)
+    assert found.initial.shape == (2, 3)
+    assert abs(found.initial[0, 2] - found.initial[1, 2]) > 0.1
+    apart = fit(log, LAGGED, per_run=["inertia"])
+    assert [apart[f"inertia[{run.label}]"].value for run in log.runs] == pytest.approx([2.0, 2.0], rel=0.01)
+
+
+def test_a_simulation_of_a_cut_log_finds_its_start() -> None:
+    log, _ = cut(LAGGED, 333)
+    (simulated,) = free_simulation(log, LAGGED)
+    error = np.sqrt(np.mean((simulated - log.runs[0].output) ** 2))
+    assert error < 1e-3  # 0.019 with a settled lag
+
+
+def test_states_go_by_name_to_another_model() -> None:
+    found = fitted(cut(LAGGED, 333)[0], LAGGED)
+    both = replace(RIGID, effects=(*SLOW.effects, *LAGGED.effects))
+    assert found.initial_of(both)[0, both.states.index("actuator_lag")] == found.initial[0, 2]
+    assert found.initial_of(both)[0, both.states.index("sensor_lag")] == 0.0
+    np.testing.assert_array_equal(found.initial_of(RIGID), found.initial[:, :2])
