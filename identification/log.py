@@ -137,7 +137,8 @@ class Log(Drawn):
     ) -> Log:
         """Read one or several files of any known kind, see `identification.reading.files`; "-" is standard input.
 
-        Two files of one experiment, one with the command and one with the response, are joined on their clocks.
+        Two files of one experiment, one with the command and one with the response, are joined on their clocks, and
+        files without a time row by row; a mapped name with that of its file, `drive/torque`, joins any number.
 
         how: names, units and facts that are not in the file, as in `identification.reading.reading_options.Reading`:
             `mapping={"angle": "qm"}`, `units={"angle": "deg"}`, `scales={"torque": 35.15}`, `gears`, `rate`,

@@ -138,3 +138,83 @@ def test_a_rate_beside_times_is_refused(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("\n".join(["time,torque,angle", *(f"{t},{np.cos(t)},{np.sin(t)}" for t in time)]))
     with pytest.raises(BadParameter, match="has times \\(column 'time'\\); leave the rate out"):
         Log.read(tmp_path / "log.csv", rate=100.0)
+
+
+def write_matrices(folder, *, angle, torque):
+    """The angles and the torques of two joints in two files without names and times."""
+    np.savetxt(folder / "angles.txt", np.column_stack((0 * angle, angle)))
+    np.savetxt(folder / "torques.txt", np.column_stack((0 * torque, torque)))
+    return [folder / "angles.txt", folder / "torques.txt"]
+
+
+QUALIFIED = {"torque": "torques/2", "angle": "angles/2"}
+
+
+def test_two_matrices_without_a_time_are_joined_by_row(tmp_path):
+    files = write_matrices(tmp_path, angle=SOUND["angle"], torque=SOUND["torque"])
+    log = Log.read(files, rate=200, mapping=QUALIFIED)
+    np.testing.assert_allclose(log.runs[0].output, SOUND["angle"])
+    np.testing.assert_allclose(log.runs[0].command, SOUND["torque"])
+    assert log.runs[0].time[-1] == pytest.approx((len(SOUND["time"]) - 1) / 200)
+    assert any("angles.txt and torques.txt: joined row by row" in warning for warning in log.warnings)
+
+
+def test_one_number_for_two_files_says_how_to_name_them(tmp_path):
+    files = write_matrices(tmp_path, angle=SOUND["angle"], torque=SOUND["torque"])
+    with pytest.raises(MalformedLog, match="put the name of the file before each") as caught:
+        Log.read(files, rate=200, mapping={"torque": "2", "angle": "2"})
+    check_sentence(str(caught.value))
+    assert "--map torque=angles/2 --map angle=torques/2" in str(caught.value)
+
+
+def test_rows_that_do_not_match_are_refused(tmp_path):
+    files = write_matrices(tmp_path, angle=SOUND["angle"][:-1], torque=SOUND["torque"])
+    with pytest.raises(MalformedLog, match="399 and 400 rows, so they cannot be joined") as caught:
+        Log.read(files, rate=200, mapping=QUALIFIED)
+    check_sentence(str(caught.value))
+
+
+def test_one_file_per_quantity_with_the_time_in_its_own(tmp_path):
+    for name, column in (("t", "time"), ("tau", "torque"), ("q", "angle")):
+        np.savetxt(tmp_path / f"{name}.txt", SOUND[column])
+    files = [tmp_path / f"{name}.txt" for name in ("t", "tau", "q")]
+    log = Log.read(files, mapping={"time": "t/1", "torque": "tau/1", "angle": "q/1"})
+    np.testing.assert_allclose(log.runs[0].time, SOUND["time"], atol=1e-12)
+    np.testing.assert_allclose(log.runs[0].command, SOUND["torque"])
+
+
+def test_named_columns_without_a_time_are_joined_by_row(tmp_path):
+    files = [write(tmp_path / f"{name}.csv", {name: SOUND[name], "beside": SOUND["time"]}) for name in FOUND]
+    np.testing.assert_allclose(Log.read(files, rate=200).runs[0].command, SOUND["torque"])
+    with pytest.raises(MalformedLog, match="no column is called as a time is"):
+        Log.read(files)
+
+
+def test_a_qualified_name_is_joined_on_the_clocks(tmp_path):
+    both = {**SOUND, "torque": 0 * SOUND["torque"]}
+    files = [write(tmp_path / "drive.csv", DRIVE), write(tmp_path / "encoder.csv", both)]
+    log = Log.read(files, mapping={"torque": "drive/torque", "angle": "encoder/angle"})
+    assert any("joined on their clocks" in warning for warning in log.warnings)
+    assert np.abs(log.runs[0].command).max() > 0.9
+
+
+def test_files_of_one_name_cannot_be_told_apart(tmp_path):
+    (tmp_path / "other").mkdir()
+    drive = {name: DRIVE[name] for name in ("time", "torque")}
+    files = [write(tmp_path / "log.csv", drive), write(tmp_path / "other" / "log.csv", ENCODER)]
+    with pytest.raises(MalformedLog, match="two are called 'log'") as caught:
+        join_tables([read_table(file) for file in files])
+    check_sentence(str(caught.value))
+
+
+@pytest.mark.parametrize(("head", "name"), [("", "1"), ("torque\n", "torque"), ("# torque\n", "torque")])
+def test_a_text_of_a_single_column(tmp_path, head, name):
+    (tmp_path / "tau.txt").write_text(head + "0.25\n-1e-3\n.5\n4\n")
+    table = read_table(tmp_path / "tau.txt")
+    np.testing.assert_allclose(table.columns[name], [0.25, -1e-3, 0.5, 4.0])
+
+
+def test_prose_with_numbers_is_no_single_column(tmp_path):
+    (tmp_path / "notes.txt").write_text("Measured on Monday\nin the laboratory\n12\n13\n14\n")
+    with pytest.raises(MalformedLog, match="no table of numbers is found"):
+        read_table(tmp_path / "notes.txt")

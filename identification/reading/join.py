@@ -1,10 +1,10 @@
-"""Two files of one experiment, such as the drive's and the encoder's, joined on their clocks."""
+"""Files of one experiment, such as the drive's and the encoder's, joined on their clocks, or row by row without one."""
 
 from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +19,20 @@ from identification.reading.units import si_factor
 from identification.recording import Array
 
 
-def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
+def qualified(table: Table, name: str) -> str:
+    """The name of a column with the name of its file before it, `encoder/position`."""
+    return f"{Path(table.name).stem}/{name}"
+
+
+def join_tables(tables: Sequence[Table], time: str | None = None, wanted: Collection[str] = ()) -> Table:
     """One table of all columns, each on the clock of its file [s].
 
-    A name that occurs in two files is prefixed by the name of the file, `encoder/position`. `time` is the column of the
-    time if its name is not recognised; it is not needed for a file with a clock per channel.
+    A name that occurs in two files, or is `wanted` so, is prefixed by the name of the file, `encoder/position`. `time`
+    is the column of the time if its name is not recognised; it is not needed for a file with a clock per channel.
 
     Raises `MalformedLog` if a file has no time, or the times do not overlap.
     """
+    _refuse_one_name(tables)
     clocked = [_clocked(table, time) for table in tables]
     spans = [_span(table, clocks) for table, (_, clocks) in zip(tables, clocked, strict=True)]
     begin, end = max(first for first, _ in spans), min(last for _, last in spans)
@@ -45,7 +51,7 @@ def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
     for table, (columns, own) in zip(tables, clocked, strict=True):
         shifted = {id(clock): clock - start for clock in own.values()}  # channels of one clock still share it
         for name, values in columns.items():
-            called = name if times[name] == 1 else f"{Path(table.name).stem}/{name}"
+            called = _called(table, name, times, wanted)
             merged[called], clocks[called] = values, shifted[id(own[name])]
             if name in table.units:
                 units[called] = table.units[name]
@@ -56,12 +62,66 @@ def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
     return Table(
         name=" + ".join(table.name for table in tables),
         columns=merged,
-        sha256=hashlib.sha256("".join(table.sha256 for table in tables).encode()).hexdigest(),
+        sha256=_digest(tables),
         notes=(*(note for table in tables for note in table.notes), note),
         clocks=clocks,
         units=units,
         joint_of=joint_of,
     )
+
+
+def join_rows(tables: Sequence[Table], wanted: Collection[str] = ()) -> Table:
+    """One table of all columns of files without a clock, row by row; names as in `join_tables`.
+
+    Raises `MalformedLog` if the files have different numbers of rows.
+    """
+    _refuse_one_name(tables)
+    counts = [max(map(len, table.columns.values()), default=0) for table in tables]
+    names = " and ".join(table.name for table in tables)
+    if len(set(counts)) > 1:
+        raise MalformedLog(
+            f"{names}: they have no common time, and {' and '.join(map(str, counts))} rows, so they cannot be joined; "
+            "export them with a time or into one file."
+        )
+    times = Counter(name for table in tables for name in table.columns)
+    merged: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {}
+    joint_of: dict[str, tuple[str, str]] = {}
+    for table in tables:
+        called = {name: _called(table, name, times, wanted) for name in table.columns}
+        merged |= {called[name]: values for name, values in table.columns.items()}
+        units |= {called[name]: unit for name, unit in table.units.items() if name in called}
+        joint_of |= {called[name]: joint for name, joint in table.joint_of.items()}
+    return Table(
+        name=" + ".join(table.name for table in tables),
+        columns=merged,
+        sha256=_digest(tables),
+        notes=(*(note for table in tables for note in table.notes), f"{names}: joined row by row"),
+        units=units,
+        joint_of=joint_of,
+    )
+
+
+def has_clock(table: Table, time: str | None) -> bool:
+    """Whether a table has a clock per channel, or a column of the time."""
+    return bool(table.clocks) or time in table.columns or any(is_time(name) for name in table.columns)
+
+
+def _called(table: Table, name: str, times: Counter[str], wanted: Collection[str]) -> str:
+    full = qualified(table, name)
+    return full if times[name] > 1 or full in wanted else name
+
+
+def _refuse_one_name(tables: Sequence[Table]) -> None:
+    """Raise `MalformedLog` for files of one name: their columns could not be told apart."""
+    stems = Counter(Path(table.name).stem for table in tables)
+    twice = next((stem for stem, count in stems.items() if count > 1), None)
+    if twice is not None:
+        raise MalformedLog(f"{len(tables)} files are to be joined, and two are called '{twice}'; rename one of them.")
+
+
+def _digest(tables: Sequence[Table]) -> str:
+    return hashlib.sha256("".join(table.sha256 for table in tables).encode()).hexdigest()
 
 
 def _clocked(table: Table, time: str | None) -> tuple[dict[str, NDArray[Any]], dict[str, Array]]:

@@ -7,6 +7,7 @@ there is no measured one.
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,7 +15,7 @@ from identification.errors import MalformedLog
 from identification.reading.cia402 import find_objects
 from identification.reading.column_meaning import AMONG_OTHERS, COMMANDED, OWN, SYNONYM, Meaning, meaning
 from identification.reading.headings import heading
-from identification.reading.join import join_tables
+from identification.reading.join import has_clock, join_rows, join_tables, qualified
 from identification.reading.reading_options import ALIASES, COLUMNS, Reading
 from identification.reading.table import Table
 from identification.reading.units import kind_of
@@ -229,11 +230,22 @@ def missing(known: Recognition, table: Table, reading: Reading) -> Iterator[str]
 
 
 def joined_if_needed(tables: Sequence[Table], reading: Reading) -> list[Table]:
-    """The tables; two tables are joined if one has the command and the other the response.
+    """The tables; joined if one of two has the command and the other the response, or if a mapped name has a file's.
 
-    Raises `MalformedLog` if the clocks of these two do not overlap.
+    Files without a time are joined row by row, the others on their clocks.
+
+    Raises `MalformedLog` if the files do not fit together, or if it is unclear which of them has a mapped column.
     """
-    if len(tables) != 2 or any(table.joints for table in tables):
+    if len(tables) < 2 or any(table.joints for table in tables):
+        return list(tables)
+    time = reading.mapping.get("time")
+    full = {qualified(table, name) for table in tables for name in table.columns}
+    wanted = {name for name in reading.mapping.values() if name in full} - {n for t in tables for n in t.columns}
+    if wanted:
+        by_row = time in wanted or not any(has_clock(table, time) for table in tables)
+        return [join_rows(tables, wanted) if by_row else join_tables(tables, time, wanted)]
+    _refuse_unclear(tables, reading)
+    if len(tables) != 2:
         return list(tables)
     parts = []
     for table in tables:
@@ -242,5 +254,20 @@ def joined_if_needed(tables: Sequence[Table], reading: Reading) -> list[Table]:
     one, other = parts
     apart = one.has_command != other.has_command and one.has_response != other.has_response
     if apart and one.has_command != one.has_response:
-        return [join_tables(tables, reading.mapping.get("time"))]
+        by_row = reading.rate is not None and not any(has_clock(table, time) for table in tables)
+        return [join_rows(tables) if by_row else join_tables(tables, time)]
     return list(tables)
+
+
+def _refuse_unclear(tables: Sequence[Table], reading: Reading) -> None:
+    """Raise `MalformedLog` for one name that is mapped to command and response, and that several files have."""
+    for command in (column for column in COMMANDS if column in reading.mapping):
+        name = reading.mapping[command]
+        response = next((column for column in RESPONSES if reading.mapping.get(column) == name), None)
+        if response is None or not all(name in table.columns for table in tables):
+            continue
+        one, other = (shlex.quote(qualified(table, name)) for table in tables[:2])
+        raise MalformedLog(
+            f"'{name}' is mapped to both '{command}' and '{response}'; if these are columns of two files, put the name "
+            f"of the file before each, for example --map {command}={one} --map {response}={other}."
+        )

@@ -86,7 +86,7 @@ def _is_data(cells: list[str]) -> bool:
 
 
 def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
-    """Separator and index of the first line of data: two columns or more, and another line of data below it."""
+    """Separator and index of the first line of data: another one is below it; else the text is a single column."""
     begin = _after_header(lines)
     rows_with_text = (
         (index, line)
@@ -105,10 +105,19 @@ def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
             if _counts_columns(cells) and not _counts_columns(below):  # names: 0, 1, 2
                 continue
             return separator, searched[k][0]
+    if (alone := _single_column(searched)) is not None:
+        return ",", alone
     raise MalformedLog(
         f"{name}: no table of numbers is found; a log needs one line of column names and then rows of "
         "numbers separated by comma, semicolon, tab or |."
     )
+
+
+def _single_column(lines: Sequence[tuple[int, str]]) -> int | None:
+    """Index of the first of at least three lines of one number each, to the last; above them may be one name."""
+    numbers = [bool(_NUMBER.match(line.strip())) for _, line in lines]
+    start = numbers.index(True) if True in numbers else len(lines)
+    return lines[start][0] if start <= 1 and len(lines) - start > 2 and all(numbers[start:]) else None
 
 
 def _after_header(lines: Sequence[str]) -> int:
@@ -155,7 +164,7 @@ def _as_names(line: str, separator: str, filled: int, width: int, *, numbered: b
     for cells in tried:
         while len(cells) > width and cells[-1] in ("", "Comment"):  # LabVIEW has a name for a column that its rows lack
             cells.pop()
-        if len(cells) > 1 and any(cells):
+        if (len(cells) > 1 or width == 1) and any(cells):
             if filled <= len(cells) <= width:
                 return cells
             if numbered and len(cells) == width - 1:
