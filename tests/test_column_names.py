@@ -389,3 +389,48 @@ def test_a_public_file_with_one_column_of_each_kind():
         pytest.skip("the case is not on this machine")
     with pytest.raises(MalformedLog, match="too short"):  # q3 and q3_tau_J are known
         Log.read(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "unit"),
+    [
+        ("act_pos_deg:2", ("act", "pos", "2"), "deg"),
+        ("act_torque_nm:1", ("act", "torque", "1"), "N*m"),
+        ("vel_deg_per_s", ("vel",), "deg/s"),
+        ("act_vel_deg_per_s:2", ("act", "vel", "2"), "deg/s"),
+        ("Efficiency (kgf/W)", ("efficiency",), ""),
+    ],
+)
+def test_units_of_a_matrix_and_of_a_rate(name, words, unit):
+    assert (heading(name).words, heading(name).unit) == (words, unit)
+
+
+def test_an_unknown_unit_is_no_quantity():
+    assert meaning("Efficiency (kgf/W)") is None
+
+
+def test_the_unit_of_a_matrix_is_that_of_its_columns(tmp_path):
+    degrees = np.column_stack((0 * ANGLE, np.degrees(ANGLE)))
+    np.savez(tmp_path / "log.npz", time=TIME, torque=TORQUE, pos_deg=degrees)
+    assert same(Log.read(tmp_path / "log.npz", mapping={"angle": "pos_deg:2"}))
+
+
+def test_a_channel_that_is_not_connected_is_not_used(csv):
+    idle = {"time": TIME, "torque": TORQUE, "position left": 0 * ANGLE, "position right": ANGLE}
+    assert same(Log.read(csv(idle)))
+    with pytest.raises(MissingColumns):
+        Log.read(csv(idle | {"position left": 2 * ANGLE}))
+
+
+def test_a_motor_that_rests_is_one_of_two(csv):
+    log = Log.read(csv({"time": TIME, "tau_1": TORQUE, "tau_2": 0 * TORQUE, "angle": ANGLE}))
+    assert any("'tau_1' as torque_1" in warning and "'tau_2' as torque_2" in warning for warning in log.warnings)
+
+
+def test_numbers_of_columns_are_no_drive_objects(tmp_path):
+    np.save(tmp_path / "wide.npy", np.zeros((60, 6100)))
+    np.savetxt(tmp_path / "wide.txt", np.random.default_rng(0).standard_normal((3, 6100)), fmt="%.3f")
+    for name in ("wide.npy", "wide.txt"):
+        with pytest.raises(MalformedLog) as caught:
+            Log.read(tmp_path / name, rate=100)
+        assert "6077" not in str(caught.value).partition("\n")[0]

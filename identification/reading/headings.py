@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from identification.reading.units import kind_of
 
 _GREEK = {"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "τ": "tau", "ω": "omega", "α": "alpha"}
 _BRACKETS = re.compile(r"^(.*\S)\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]\s*$")
+_PLACE = re.compile(r"(.*\S):(\d+)$")
+_RATIO = re.compile(r"[^\W\d_]+\s*/\s*[^\W\d_]+")
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _LETTERS = re.compile(r"[A-Za-zµ°%]+")
 _COUNTS = {"count", "counts", "cnt", "inc", "increments", "ticks", "steps", "pulses", "raw", "lsb", "digits"}
@@ -63,11 +65,16 @@ class Heading:
 def heading(text: str) -> Heading:
     """Split a heading into words and unit."""
     plain = unicodedata.normalize("NFKC", text.lstrip("\ufeff")).strip()
+    if place := _PLACE.match(plain):  # a column of a matrix has the unit of the matrix
+        whole = heading(place[1])
+        return replace(whole, words=(*whole.words, place[2]))
     found = _BRACKETS.match(plain)
     if found:
         unit = "count" if found[2].lower() in _COUNTS else found[2]
         if unit in ("count", "%", "‰") or kind_of(unit) is not None:
             return Heading(words=_words(found[1]), unit=unit)
+        if _RATIO.fullmatch(unit):  # a unit without a use here, whose letters are no words: kgf/W has no speed "w"
+            plain = found[1]
     words = _words(plain)
     if len(words) > 1 and words[-1] in _COUNTS:
         return Heading(words=words[:-1], unit="count")
@@ -79,6 +86,7 @@ def heading(text: str) -> Heading:
         if unit == "N/m":
             unit = "N*m"
         if kind_of(unit) is not None:
+            count += words[-2] == "per"
             return Heading(words=words[: len(words) - count], unit=unit, trailing=True)
     return Heading(
         words=words,
@@ -94,5 +102,5 @@ def _words(text: str) -> tuple[str, ...]:
 
 def _last_letters(text: str, count: int) -> list[str]:
     """The last groups of letters, separated by `_`, a space, a slash or a point."""
-    parts = re.split(r"[_\s./]+", text)
+    parts = re.split(r"[_\s./]+per[_\s.]+|[_\s./]+", text)
     return parts[-count:] if len(parts) > count and all(map(_LETTERS.fullmatch, parts[-count:])) else []

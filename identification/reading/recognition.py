@@ -10,6 +10,10 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
 from identification.reading.cia402 import find_objects
@@ -78,17 +82,40 @@ def recognise(table: Table, reading: Reading) -> Recognition:
         known.take(own, name, "named so")
         del left[name]
     linear = any(column in given for column in ("force", "position") for given in (known.found, reading.units))
-    objects = find_objects(table.name, list(left), known.found, linear=linear)
+    # the number of a column without a name is not the index of an object
+    named = [name for place, name in enumerate(table.columns, start=1) if name in left and name != str(place)]
+    objects = find_objects(table.name, named, known.found, linear=linear)
     for column, name in objects.items():
         known.take(column, name, "an object of CiA 402")
         del left[name]
     known.objects = tuple(objects)
     meant = {name: found for name, unit in left.items() if (found := meaning(name, unit)) is not None}
     meant = {name: _on_axis(known, found, meant, linear) for name, found in meant.items()}
+    meant = _without_idle(table, meant)
     _take_by_meaning(known, meant)
     taken = set(known.found.values())
     known.guesses = {name: found.column for name, found in meant.items() if name not in taken}
     return known
+
+
+def _without_idle(table: Table, meant: Mapping[str, Meaning]) -> dict[str, Meaning]:
+    """The possible meanings without columns that never change, where another column for the same use changes.
+
+    A sensor or a channel that is not connected is exported all the same. Of two torques one may rest.
+    """
+    moving = {found.column for name, found in meant.items() if _changes(table.columns[name])}
+    return {
+        name: found
+        for name, found in meant.items()
+        if found.column in ("torque", "force") or found.column not in moving or _changes(table.columns[name])
+    }
+
+
+def _changes(values: NDArray[Any]) -> bool:
+    if values.dtype.kind not in "fiub":
+        return True
+    sound = values[np.isfinite(values)] if values.dtype.kind == "f" else values
+    return bool(sound.size and sound.min() < sound.max())
 
 
 def _refuse_twice(table: Table, known: Recognition) -> None:
