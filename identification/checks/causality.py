@@ -41,11 +41,18 @@ def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
         if any(profile.evidence(0.0, 2 * profile.lag) < _EVIDENCE for profile in found):
             return
         whole = round(size / dt + 0.5)
+        by = f"{whole} samples ({1e3 * whole * dt:.3g} ms)"
         text = (
-            f"{recording.label}: '{output}' answers about {whole} samples ({1e3 * whole * dt:.3g} ms) before "
-            f"'{command}' acts. That is impossible, so '{command}' was recorded late: export both columns on one "
-            f"clock, or move '{command}' ahead by {whole} samples or more"
+            f"{recording.label}: '{output}' answers about {by} before '{command}' acts. That is impossible, so "
+            f"'{command}' was recorded late: export both columns on one clock, or move '{command}' ahead by {whole} "
+            "samples or more"
         )
+        if recording.servo_gain.any():  # a feedforward of the servo has the same effect
+            text = (
+                f"{recording.label}: '{output}' answers about {by} before '{command}' acts. If the servo has a "
+                "feedforward, switch it off, or name the current or torque as the command; otherwise "
+                f"'{command}' was recorded late: export both columns on one clock"
+            )
         yield Finding(kind="lag", repaired=False, text=text)
     elif -max(lags) > max(_LONG_SAMPLES * dt, _LONG_TIME):
         # A slow drive lags too, but not by a constant time, so that its residual is larger.
