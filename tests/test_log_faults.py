@@ -94,6 +94,24 @@ def only(texts, *parts):
 # A lag between the columns
 
 
+def test_a_feedforward_of_a_servo_is_no_late_set_point():
+    """A servo that pushes with the speed of its set-point, too, follows as if the set-point had been logged late."""
+    time = np.arange(0.0, SECONDS, 0.005)
+    goal = wandering_reference(3, duration=SECONDS, sample_time=0.005)[: len(time)]
+    ahead = goal + 0.06 * np.gradient(goal, time)
+    angle, speed = np.empty_like(goal), 0.0
+    position = goal[0]
+    for k in range(len(time)):
+        angle[k] = position
+        for _ in range(5):
+            speed += 0.001 * (60.0 * (ahead[k] - position) - 12.0 * speed)
+            position += 0.001 * speed
+    text = only(
+        Log.from_arrays(time=time, setpoint=goal, angle=angle).warnings, "before 'setpoint' acts", "feedforward"
+    )
+    assert "impossible" not in text
+
+
 @pytest.mark.parametrize("name", ["open loop", "open loop, coarse encoder", "open loop, slow sampling", "closed loop",
                                   "closed loop, load that fluctuates", "light load", "friction", "spring"])  # fmt: skip
 @pytest.mark.parametrize("late", [5, 9])
@@ -361,3 +379,38 @@ def test_a_lag_planted_in_a_measured_log(late):
     log = Log.from_arrays(time=run.time, force=force, position=run.output)
     text = only(log.warnings, "'position' answers about", "before 'force' acts")
     assert abs(int(text.split("about ")[1].split(" samples")[0]) - late) <= 2
+
+
+# A command without its sign
+
+
+def driven(command, *, weight=0.0):
+    """A load with dry friction that a command (T,) drives against a weight."""
+    time = 0.005 * np.arange(len(command))
+    angle, position, speed = np.empty(len(command)), 0.0, 0.0
+    for k in range(len(command)):
+        angle[k] = position
+        for _ in range(5):
+            push = command[k] - weight - 0.5 * speed
+            held = abs(speed) < 1e-3 and abs(push) < 0.4
+            speed = 0.0 if held else speed + 0.001 * (push - 0.4 * np.sign(speed or push))
+            position += 0.001 * speed
+    return time, angle + 1e-4 * np.random.default_rng(5).standard_normal(len(angle))
+
+
+MOVES = np.repeat([0.0, 1.0, 0.0, -1.0, 0.0, 0.7, 0.0, -0.7, 0.0], 300)
+
+
+def test_a_duty_without_its_sign_is_mentioned():
+    time, angle = driven(MOVES)
+    log = Log.from_arrays(time=time, duty=np.abs(MOVES), angle=angle)
+    (text,) = (text for text in log.warnings if "only its size was logged" in text)
+    assert "'duty' is never below zero, but 'angle' moves both ways" in text
+    assert not any("size was logged" in text for text in Log.from_arrays(time=time, duty=MOVES, angle=angle).warnings)
+
+
+def test_a_hoist_that_lowers_its_load_has_its_sign():
+    lifting = 2.0 + MOVES
+    time, angle = driven(lifting, weight=2.0)
+    log = Log.from_arrays(time=time, torque=lifting, angle=angle)
+    assert not any("size was logged" in text for text in log.warnings)

@@ -20,6 +20,7 @@ from identification.checks.plausibility import check_time_unit, check_velocity_u
 from identification.checks.rates import join_rows, on_output_samples
 from identification.checks.repeats import drop_repeats
 from identification.checks.sign import sign_of_the_command
+from identification.checks.size_alone import size_of_the_command
 from identification.checks.speed_command import speed_for_torque
 from identification.checks.timing import check_time, clock, mask_gaps, split_at_gaps, too_short, trim
 from identification.errors import MalformedLog
@@ -195,6 +196,7 @@ WARNINGS = (
     cause_and_effect,
     speed_for_torque,
     sign_of_the_command,
+    size_of_the_command,
 )
 
 
