@@ -434,3 +434,20 @@ def test_numbers_of_columns_are_no_drive_objects(tmp_path):
         with pytest.raises(MalformedLog) as caught:
             Log.read(tmp_path / name, rate=100)
         assert "6077" not in str(caught.value).partition("\n")[0]
+
+
+@pytest.mark.parametrize("force", [0.0 * TIME, np.sin(TIME)])
+def test_a_load_cell_beside_the_current_is_left_out(csv, force):
+    log = Log.read(csv({"time": TIME, "current": TORQUE, "angle": ANGLE, "force": force}))
+    np.testing.assert_allclose(log.runs[0].command, TORQUE, rtol=1e-7, atol=1e-7)
+    assert log.axis == "rotary"
+
+
+def test_a_torque_that_is_always_zero_is_left_out(csv):
+    log = Log.read(csv({"time": TIME, "torque": 0 * TIME, "current": TORQUE, "angle": ANGLE}))
+    assert log.command_unit == "A"
+
+
+def test_a_force_alone_still_needs_a_position(csv):
+    with pytest.raises(MalformedLog, match="'force' does not go with 'angle'"):
+        Log.read(csv({"time": TIME, "force": TORQUE, "angle": ANGLE}))

@@ -93,6 +93,7 @@ def recognise(table: Table, reading: Reading) -> Recognition:
     meant = {name: _on_axis(known, found, meant, linear) for name, found in meant.items()}
     meant = _without_idle(table, meant)
     _take_by_meaning(known, meant)
+    _leave_out_needless(table, known)
     taken = set(known.found.values())
     known.guesses = {name: found.column for name, found in meant.items() if name not in taken}
     return known
@@ -109,6 +110,20 @@ def _without_idle(table: Table, meant: Mapping[str, Meaning]) -> dict[str, Meani
         for name, found in meant.items()
         if found.column in ("torque", "force") or found.column not in moving or _changes(table.columns[name])
     }
+
+
+def _leave_out_needless(table: Table, known: Recognition) -> None:
+    """Leave out a command beside another one that changes, if it never changes or is of another kind of axis."""
+    given = {column for column in COMMANDS if known.why.get(column) == AS_GIVEN}
+    found = [column for column in COMMANDS if column in known.found]
+    changing = {column for column in found if column in given or _changes(table.columns[known.found[column]])}
+    other_axis = {"force"} if "angle" in known.found else {"torque", "torque_1", "torque_2"}
+    if not {"angle", "position"} & set(known.found) or {"angle", "position"} <= set(known.found):
+        other_axis = set()
+    pair = {"torque_1", "torque_2"} if {"torque_1", "torque_2"} & changing else set()
+    for column in set(found) - given - pair:
+        if changing - {column} - other_axis and (column not in changing or column in other_axis):
+            del known.found[column], known.why[column]
 
 
 def _changes(values: NDArray[Any]) -> bool:
