@@ -451,3 +451,8 @@ def test_a_torque_that_is_always_zero_is_left_out(csv):
 def test_a_force_alone_still_needs_a_position(csv):
     with pytest.raises(MalformedLog, match="'force' does not go with 'angle'"):
         Log.read(csv({"time": TIME, "force": TORQUE, "angle": ANGLE}))
+
+
+def test_a_joint_that_rests_is_not_passed_over(csv):
+    with pytest.raises(MissingColumns):
+        Log.read(csv({"time": TIME, "torque": TORQUE, "q1": 0 * ANGLE, "q2": ANGLE}))

@@ -102,14 +102,24 @@ def recognise(table: Table, reading: Reading) -> Recognition:
 def _without_idle(table: Table, meant: Mapping[str, Meaning]) -> dict[str, Meaning]:
     """The possible meanings without columns that never change, where another column for the same use changes.
 
-    A sensor or a channel that is not connected is exported all the same. Of two torques one may rest.
+    A sensor or a channel that is not connected is exported all the same. Of two torques one may rest, and so may one of
+    several joints, whose names differ by a number: these are left to the user.
     """
-    moving = {found.column for name, found in meant.items() if _changes(table.columns[name])}
+    moving: dict[str, set[str]] = {}
+    for name, found in meant.items():
+        if _changes(table.columns[name]):
+            moving.setdefault(found.column, set()).add(_without_number(name))
     return {
         name: found
         for name, found in meant.items()
-        if found.column in ("torque", "force") or found.column not in moving or _changes(table.columns[name])
+        if found.column in ("torque", "force")
+        or _changes(table.columns[name])
+        or not moving.get(found.column, set()) - {_without_number(name)}
     }
+
+
+def _without_number(name: str) -> str:
+    return re.sub(r"\d+", "#", name)
 
 
 def _leave_out_needless(table: Table, known: Recognition) -> None:
