@@ -331,3 +331,16 @@ def test_case_separators_at_the_ends_of_rows():
     read = read_table(case("logs/08-hint-by-spelling/log.csv"))
     assert len(read.columns) == 26
     assert str(read.columns["Timestamp"][0]).startswith("2025-08-08 09:07:14.606")
+
+
+@pytest.mark.parametrize("labels", [None, ("time", "torque", "angle")])
+def test_signals_in_rows_become_columns(tmp_path, labels):
+    sound = motion(samples=400)
+    rows = [",".join(f"{value:.9g}" for value in sound[name]) for name in ("time", "torque", "angle")]
+    rows = rows if labels is None else [f"{label},{row}" for label, row in zip(labels, rows, strict=True)]
+    (tmp_path / "rows.csv").write_text("\n".join(rows) + "\n")
+    table = read_table(tmp_path / "rows.csv")
+    names = labels or ("1", "2", "3")
+    assert tuple(table.columns) == names
+    np.testing.assert_allclose(table.columns[names[2]], sound["angle"], atol=1e-8)
+    assert table.notes[-1] == "rows.csv: each of its 3 lines is one signal"

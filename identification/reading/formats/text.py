@@ -22,6 +22,7 @@ from identification.reading.formats.twincat_scope import ScopeHeader, find_scope
 from identification.reading.table import Table
 
 _LINES_OF_A_NAME = 8  # most lines of a quoted name: "Time", "(s)"
+_LEAST_SAMPLES = 100  # of signals in rows; no log has as many columns
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _AS_DATA_BEGIN = frozenset("0123456789+-.,;\t")  # first characters of ordinary lines of data
 
@@ -61,6 +62,9 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
             f"{width}, so it is unclear which name belongs to which column; make them match."
         )
     columns = columns[:width]
+    if not (layout.names or grouped) and (signals := _in_rows(columns)) is not None:
+        notes.append(f"{name}: each of its {len(signals)} lines is one signal")
+        return Table(name=name, columns=signals, sha256=sha256, notes=tuple(notes))
     if grouped:
         groups = read_groups(layout.names, columns, scope, layout.units, name)
         return Table(
@@ -172,6 +176,18 @@ def _unread(layout: Layout, name: str) -> list[str]:
     first, last = layout.unread[0], layout.unread[-1]
     lines = f"line {first} is" if first == last else f"the lines {first} to {last} are"
     return [f"{name}: {lines} skipped, as there are no names, units or numbers"]
+
+
+def _in_rows(columns: list[NDArray[Any]]) -> dict[str, NDArray[Any]] | None:
+    """The signals of a text with few long lines of one signal each, which may begin with its name; else None."""
+    count, labelled = len(columns[0]), columns[0].dtype.kind == "O"
+    numbers = columns[labelled:]
+    if len(columns) < _LEAST_SAMPLES or len(columns) < 10 * count or any(c.dtype.kind not in "fiu" for c in numbers):
+        return None
+    names = [str(label).strip() for label in columns[0]] if labelled else [str(k + 1) for k in range(count)]
+    if len(set(names)) < count:
+        return None
+    return dict(zip(names, np.column_stack(numbers).astype(np.float64), strict=True)) if count > 1 else None
 
 
 def _called(header: Sequence[str], columns: list[NDArray[Any]]) -> list[str]:
