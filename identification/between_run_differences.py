@@ -21,7 +21,9 @@ from identification.objective import Objective
 from identification.per_run import PerRun
 from identification.predictor import Prediction
 from identification.sums_over_runs import places, point_size
+from plant import ServoModel
 from plant.effects.effect import Array
+from plant.effects.nonparametric_curve import Nonparametric
 
 BLOCKS = 8  # of each run
 _LEVEL = 1e-3  # probability of reporting a difference between equal runs
@@ -69,7 +71,11 @@ def between_run_differences(fit: Fit) -> str | None:
     if not all(np.isfinite(run.information).all() and np.isfinite(run.scores).all() for run in runs):
         return None
     lines = [fit[fit.model.names[place]] for place in fit.free]
-    determined = [row for row, line in enumerate(lines) if line.value is not None and not line.at_bound]
+    determined = [
+        row
+        for row, line in enumerate(lines)
+        if line.value is not None and not line.at_bound and not is_coefficient(fit.model, line.name)
+    ]
     runs = [run.about([*determined, *range(len(lines), len(lines) + objective.predictor.initials)]) for run in runs]
     own: list[int] = []
     while len(own) < len(determined):
@@ -120,6 +126,20 @@ def _welch(values: Array, covariance: Array) -> float:
     return float(fdtrc(k - 1, (k**2 - 1) / (3.0 * loose), corrected))
 
 
+def farthest_apart(values: Array, std: Array) -> NDArray[np.intp]:
+    """Indices of the two values (k,) that differ by the most standard errors, the lesser one first.
+
+    The least and the greatest value may be those of two runs that hardly determine it.
+    """
+    apart = (values[None, :] - values[:, None]) / np.hypot(std[None, :], std[:, None])
+    return np.asarray(np.unravel_index(int(np.argmax(apart)), apart.shape), dtype=np.intp)
+
+
+def is_coefficient(model: ServoModel, name: str) -> bool:
+    """Whether a parameter is a coefficient of a non-parametric curve, which means nothing by itself."""
+    return any(isinstance(effect, Nonparametric) and name.startswith(f"{effect.name}.") for effect in model.effects)
+
+
 def _sentence(fit: Fit, names: list[str]) -> str:
     """The values of each parameter in the runs, and the options that let it differ between runs."""
     apart = PerRun.of(fit, names)
@@ -133,7 +153,7 @@ def _sentence(fit: Fit, names: list[str]) -> str:
         if finite.size < 2:
             differing.append(name)
             continue
-        low, high = (finite[int(pick(values[finite, column]))] for pick in (np.argmin, np.argmax))
+        low, high = finite[farthest_apart(values[finite, column], std[finite])]
         errors = (values[high, column] - values[low, column]) / float(np.hypot(std[low], std[high]))
         has = [f"{fit.log.runs[run].label} {values[run, column]:.4g} +- {std[run]:.2g}" for run in (low, high)]
         differing.append(f"{name} ({has[0]}, {has[1]} {fit[name].unit}, {errors:.3g} standard errors apart)")

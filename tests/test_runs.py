@@ -8,7 +8,7 @@ from machine import Machine, excitation, record
 
 from diagnosis import diagnose
 from identification import fit
-from identification.between_run_differences import between_run_differences
+from identification.between_run_differences import between_run_differences, farthest_apart, is_coefficient
 from identification.errors import MalformedLog
 from identification.inverse import torque_error
 from identification.log import Log
@@ -17,6 +17,7 @@ from identification.run_parameters import own_values
 from identification.sums_over_runs import places, point_size
 from plant import ServoModel
 from plant.effects import Compliance, CoulombFriction
+from plant.effects.nonparametric_curve import CurveOverVelocity
 from plant.errors import BadParameter
 
 CASE = Path(__file__).parents[1].parent / "shared" / "cases" / "use" / "14-several-payloads" / "payloads.csv"
@@ -188,3 +189,17 @@ def test_the_places_of_a_point():
     assert places(4, 1, 3).tolist() == [0, 1, 2, 3, 6, 7]
     assert point_size(4, 3, (0, 2)) == 14
     assert places(4, 1, 3, (0, 2)).tolist() == [4, 0, 5, 1, 10, 11]
+
+
+def test_the_runs_shown_are_those_that_differ_surely():
+    """A run that hardly determines a parameter has its extreme value, and says nothing."""
+    values, std = np.array([-2386.0, 0.38, 1.5, 0.40]), np.array([2000.0, 0.01, 0.02, 0.01])
+    assert list(farthest_apart(values, std)) == [1, 2]
+
+
+def test_coefficients_of_a_curve_are_no_parameters_of_runs():
+    model = ServoModel.paper().with_effect(CurveOverVelocity(low=-3.0, high=3.0))
+    coefficients = [name for name in model.names if is_coefficient(model, name)]
+    assert coefficients
+    assert all(name.startswith("curve_over_velocity.") for name in coefficients)
+    assert not any(is_coefficient(model, name) for name in ServoModel.paper().names)
