@@ -19,7 +19,13 @@ from diagnosis.formula_suggestion import suggested_formula
 from diagnosis.holdout import measure_gain, remaining
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
-from diagnosis.inverse_model import inverse_errors, torque_follows, torque_predicted_worse, unexplained_torque
+from diagnosis.inverse_model import (
+    inverse_errors,
+    torque_follows,
+    torque_predicted_worse,
+    unexplained_in_validation,
+    unexplained_torque,
+)
 from diagnosis.levels import CLEARLY, DECISIVE, LIKELY, SURE
 from diagnosis.multimodal_likelihood import on_its_best_peak
 from diagnosis.nonparametric_residual import with_curves
@@ -156,6 +162,7 @@ def _diagnosed(
         alone = only_in_validation(final, held_out)
     beside = best.discrepancy.posterior
     torque_error, absurd = inverse_errors(null.log, held_out, null.model, final.model), unexplained_torque(final)
+    nowhere = unexplained_in_validation(final, held_out)
     something = judgement.verdict == "named" and most and beside.something > SURE
     if alone is not None or absurd is not None or something:
         judgement = replace(judgement, verdict="unknown")
@@ -173,7 +180,7 @@ def _diagnosed(
         only_in_validation=None if alone is None else str(alone),
         warnings=(
             *_of_data(null, [*notes, *filter(None, (shorter,))]),
-            *filter(None, (absurd or torque_predicted_worse(torque_error),)),
+            *filter(None, (absurd or nowhere or torque_predicted_worse(torque_error),)),
             *_of_the_end(null, final, held_out),
         ),
         base=null,

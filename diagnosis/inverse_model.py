@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.explanation.wording import joined_words
+from diagnosis.explanation.wording import joined_words, percent
 from diagnosis.jackknife import jackknife
 from diagnosis.levels import LIKELY, SIGNIFICANT
 from diagnosis.residual_torque import noise_cutoff
@@ -21,6 +21,8 @@ from identification.log import Log
 from identification.regression import TorqueRegression
 from plant.servo import ServoModel
 from plant.units import printed
+
+_ANOTHER_UNIT = 10.0  # ratio of the inertias of one machine in two logs that only another unit explains
 
 
 def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: ServoModel) -> TorqueError:
@@ -52,17 +54,22 @@ def _inverse_error(log: Log, model: ServoModel, cutoff: float) -> tuple[float, f
 
 
 def unexplained_torque(fit: Fit) -> str | None:
-    """That a model explains none of the torque of its log though a regression explains most; None if that is not so.
-
-    Both are compared in the usual band and in that in which the noise of the encoder does not count.
-    """
-    usual = inverse_cutoff(fit.log)
-    cutoff = min(noise_cutoff(fit), usual)
-    error = min(_inverse_error(fit.log, fit.model, each)[0] for each in (usual, cutoff))
-    follows = torque_follows(fit.log, cutoff) if error >= 1.0 else None
+    """That a model explains none of the torque of its log though a regression explains most; None if that is not so."""
+    error = _least_inverse_error(fit, fit.log)
+    follows = torque_follows(fit.log, _sound_cutoff(fit)) if error >= 1.0 else None
     if follows is None:
         return None
     return f"The model does not explain the torque: its inverse model has an error of {100.0 * error:.3g} %. {follows}"
+
+
+def _least_inverse_error(fit: Fit, log: Log) -> float:
+    """Relative error of the inverse model over a log, in the usual band or that without encoder noise."""
+    return min(_inverse_error(log, fit.model, each)[0] for each in (inverse_cutoff(fit.log), _sound_cutoff(fit)))
+
+
+def _sound_cutoff(fit: Fit) -> float:
+    """Cutoff of the band in which the noise of the encoder does not count [Hz]."""
+    return min(noise_cutoff(fit), inverse_cutoff(fit.log))
 
 
 def torque_follows(log: Log, cutoff: float | None = None) -> str | None:
@@ -73,13 +80,40 @@ def torque_follows(log: Log, cutoff: float | None = None) -> str | None:
     model = ServoModel(axis=log.axis, gravity=0.0, torque_unit=log.torque_unit)
     units = {spec.name: printed(spec.unit) for spec in model.parameters} | {"coulomb_friction": log.command_unit}
     names = ("inertia", *(("gravity",) if log.axis == "rotary" else ()), "viscous_friction", "coulomb_friction")
+    if any(run.positioned for run in log.runs):
+        advice = (
+            "the drive does not follow its set-point by the law of the model; it may limit its torque or feed it "
+            "forward. Do not use the fitted parameters; give the drive's torque or current as the command."
+        )
+    else:
+        advice = (
+            "in this log the torque follows the motion, as in a tight loop or beside other moving joints, and does not "
+            "predict it. Do not use the fitted parameters; record a log in which only this axis moves and the torque "
+            "is commanded."
+        )
     words = [f"{name.replace('_', ' ')} {getattr(found, name):.3g} {units[name]}" for name in names]
     text = [each.replace("coulomb", "Coulomb") for each in words]
     return (
         f"A regression of the torque on the measured motion has an error of {100.0 * found.error:.3g} % "
-        f"({joined_words(text)}): in this log the torque follows the motion, as in a tight loop or beside other moving "
-        "joints, and does not predict it. Do not use the fitted parameters; record a log in which only this axis moves "
-        "and the torque is commanded."
+        f"({joined_words(text)}): {advice}"
+    )
+
+
+def unexplained_in_validation(fit: Fit, held_out: Log) -> str | None:
+    """That a model explains none of the torque of the validation data, or that its unit is another one; else None."""
+    ours, theirs = (TorqueRegression.of(log, _sound_cutoff(fit)) for log in (fit.log, held_out))
+    error, known = _least_inverse_error(fit, held_out), max(ours.error, theirs.error) ** 2 <= 1.0 - LIKELY
+    ratio = theirs.inertia / ours.inertia if known and min(ours.inertia, theirs.inertia) > 0.0 else 1.0
+    if max(ratio, 1.0 / ratio) >= _ANOTHER_UNIT:
+        return (
+            f"The same motion needs {ratio:.3g} times the command in the validation data: check the unit of the "
+            "command in both logs."
+        )
+    if error < 1.0:
+        return None
+    return (
+        "The model explains none of the torque of the validation data: its inverse model has an error of "
+        f"{percent(error)} there."
     )
 
 

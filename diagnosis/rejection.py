@@ -70,7 +70,7 @@ def _behind(posterior: Posterior, holder: Explanation, name: str) -> str:
     if posterior.probability(name) > LIKELY:
         return "it only takes the place of an effect that is ruled out"
     if not others:
-        return f"its probability is only {percent(posterior.of(name))}"
+        return f"its probability is {percent(posterior.of(name))}"
     if behind < _EQUAL:
         return f"{others} explains as much; its probability is {percent(posterior.of(name))}"
     return f"{others} explains more (log Bayes factor {behind:.1f})"

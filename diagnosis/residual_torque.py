@@ -134,7 +134,7 @@ def residual_torque(fit: Fit, cutoff: float | None = None) -> ResidualTorque:
         parts.append([a[inner] for a in (motion.time, missing, motion.angle, motion.velocity, motion.torque)])
     time, torque, angle, velocity, command = (np.concatenate(column) for column in zip(*parts, strict=True))
     run_index = np.repeat(np.arange(len(parts)), [part[0].size for part in parts])
-    length, force = ("m", "N") if fit.log.axis == "linear" else ("rad", fit.log.command_unit)
+    length, force = "m" if fit.log.axis == "linear" else "rad", fit.log.command_unit
     independent = 2.0 * cutoff * fit.log.runs[0].sample_time  # independent values per sample after the low pass
     variables = (
         ("velocity", f"{length}/s", velocity),

@@ -10,7 +10,8 @@ from machine import Machine, excitation, record
 
 import antidrive as ad
 from diagnosis import diagnose, unexplained_torque
-from diagnosis.inverse_model import inverse_errors, torque_predicted_worse
+from diagnosis.inverse_model import inverse_errors, torque_follows, torque_predicted_worse, unexplained_in_validation
+from diagnosis.residual_torque import residual_torque
 from identification import Log, Unidentifiable, fit
 from identification.fit import base_model
 from identification.regression import TorqueRegression, starting_values
@@ -51,6 +52,39 @@ def test_a_torque_that_the_model_does_not_explain_is_reported() -> None:
 def test_a_model_that_explains_the_torque_is_not_warned_of() -> None:
     assert unexplained_torque(fit(tight_loop(0.0, 0.0))) is None
     assert unexplained_torque(fit(tight_loop(0.0, 0.3))) is None
+
+
+def test_another_unit_of_the_validation_data_is_reported() -> None:
+    log = tight_loop(0.0, 0.0)
+    (run,) = log.runs
+    found, thousandth = fit(log), replace(log, runs=(replace(run, command=1e3 * run.command),))
+    warning = unexplained_in_validation(found, thousandth)
+    assert warning is not None
+    assert "The same motion needs 1e+03 times the command in the validation data: check the unit" in warning
+    assert unexplained_in_validation(found, log) is None
+    against = replace(log, runs=(replace(run, command=-run.command),))  # the same size: not a matter of units
+    warning = unexplained_in_validation(found, against)
+    assert warning is not None
+    assert warning.endswith("has an error of 200 % there.")
+
+
+def test_the_advice_for_a_set_point_is_not_to_command_torque() -> None:
+    log = tight_loop(0.7, 0.0)
+    (run,) = log.runs
+    gain = 50.0
+    goal = run.output + run.command / gain
+    servo = Log.from_arrays(time=TIME, setpoint=goal, angle=run.output, kp=gain)
+    assert "the torque is commanded" in str(torque_follows(log, 20.0))
+    text = str(torque_follows(servo, 20.0))
+    assert "give the drive's torque or current as the command" in text
+    assert "the torque is commanded" not in text
+
+
+def test_a_force_is_in_the_unit_of_the_command() -> None:
+    log = tight_loop(0.0, 0.0)
+    (run,) = log.runs
+    linear = Log.from_arrays(time=TIME, current=run.command, position=run.output)
+    assert residual_torque(fit(linear)).unit == "A"
 
 
 def test_a_hanging_pendulum_in_a_tight_loop_is_diagnosed() -> None:

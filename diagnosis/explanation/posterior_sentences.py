@@ -10,6 +10,7 @@ from plant.effects.nonparametric import unnamed
 NOTHING = "nothing more"
 """Name of a set without effects."""
 _LEAST_PROBABILITY = 0.05  # least probability of an alternative in a sentence
+_NEARLY_ALL = 0.9995  # share that is not written as a number
 _MOST = 4  # largest number of alternatives in a sentence
 
 
@@ -35,7 +36,8 @@ def unexplained(diagnosis: Findings) -> str:
     unknown = diagnosis.unknown
     if unknown.probability <= SURE < unknown.measurement_error:
         return "an error of the measurement"
-    return f"about {percent(unknown.share)} of the {torque_or_force(diagnosis.residual_before.unit)} in the log"
+    part = "nearly all" if unknown.share >= _NEARLY_ALL else f"about {percent(unknown.share)}"
+    return f"{part} of the {torque_or_force(diagnosis.residual_before.unit)} in the log"
 
 
 def set_title(each: EffectSet, diagnosis: Findings, besides: set[str] | frozenset[str] = frozenset()) -> str:

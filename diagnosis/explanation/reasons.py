@@ -154,7 +154,7 @@ def reason_for_none(diagnosis: Findings) -> Reason:
     """Why a diagnosis reports no effect."""
     title = "Why no effect is named"
     tried = len(diagnosis.rejected) + len(diagnosis.minor)
-    nearest = next((f" The most probable of them is {_rejected(diagnosis, each)}" for each in diagnosis.rejected), "")
+    nearest = next((f" The nearest is {_rejected(diagnosis, each)}" for each in diagnosis.rejected), "")
     if diagnosis.verdict == "nothing_missing":
         lines = [
             f"{tried} effects were tried. None improves the fit enough to justify its parameters.{nearest}",

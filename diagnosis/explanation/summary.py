@@ -119,11 +119,14 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
         lines.append("There is no validation data, so the gain is not proven.")
     inverse = diagnosis.torque_error
     shares = {name: percent(getattr(inverse, name), std) for name, std in inverse.std.items()}
+    extended = diagnosis.extended is not diagnosis.base
+    estimation, validation = (
+        f"{shares[f'{data}_before']} -> {shares[f'{data}_after']}" if extended else shares[f"{data}_before"]
+        for data in ("estimation", "held_out")
+    )
     lines.append(
         f"Relative {torque_or_force(diagnosis.residual_before.unit)} error of the inverse model "
-        f"(below {inverse.cutoff:.3g} Hz): "
-        f"{shares['estimation_before']} -> {shares['estimation_after']} on the estimation data, "
-        f"{shares['held_out_before']} -> {shares['held_out_after']} on validation data."
+        f"(below {inverse.cutoff:.3g} Hz): {estimation} on the estimation data, {validation} on validation data."
     )
     share = diagnosis.unexplained.share
     if diagnosis.verdict != "nothing_missing" and share >= 0.005:
