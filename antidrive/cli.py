@@ -150,16 +150,21 @@ def predict(
     ] = None,
     measured: Annotated[bool, typer.Option("--measured", help="Add the measured values as a last column.")] = False,
     report: Annotated[
-        Path | None, typer.Option(metavar="PAGE.html", help="Report with measured and simulated drawn.")
+        Path | None,
+        typer.Option(metavar="PAGE.html", help="Report with measured and simulated. Default: the name of the table."),
     ] = None,
     out: Annotated[
-        Path, typer.Option(metavar="FILE.csv", help="File for the columns run, time and angle, position or velocity.")
+        Path,
+        typer.Option(
+            metavar="FILE.csv",
+            help="File for the columns run, time and angle, position or velocity; also .parquet, .json, .xlsx.",
+        ),
     ] = Path("antidrive-out/prediction.csv"),
     seed: Seed = 0,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Simulate a log in open loop, from its command alone. Writes prediction.csv."""
+    """Simulate a log in open loop, from its command alone. Writes prediction.csv, and a report beside it."""
     from antidrive import commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)

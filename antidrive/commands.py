@@ -12,7 +12,7 @@ from antidrive import report
 from antidrive.console import Console
 from antidrive.fit_options import FitOptions
 from antidrive.log_options import LogOptions, Measured
-from antidrive.output import whole_file, whole_folder, write_json, written
+from antidrive.output import PAGES, whole_file, whole_folder, write_json, written
 from antidrive.own_effects import read_own_model
 from antidrive.provenance import Provenance
 from antidrive.remaining_time import Tell
@@ -165,30 +165,27 @@ def predict(
     out: Path,
     console: Console,
 ) -> None:
-    """Simulate a log in open loop and write run, time and output as CSV, also what was measured if wanted."""
-    from antidrive.prediction import write_prediction
-    from antidrive.prediction_page import prediction_page, rms_error
+    """Simulate a log in open loop and write run, time and output, and a page with measured and simulated drawn."""
+    from antidrive.prediction import check_table, write_prediction
+    from antidrive.prediction_page import prediction_page
 
+    check_table(out)
+    page = page or out.with_suffix(".html")
     servo = read_own_model(model, effects or options.fit.effects).model
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
-    with whole_file(out) as draft:
+    with whole_file(out) as draft, whole_file(page, option="--report", suffixes=PAGES) as drawn:
         read = _read(options, console)
         log = read.log if read.holdout is None else Log.merge([read.log, read.holdout])
         with console.progress("predicting") as progress:
-            simulated = write_prediction(draft, log, servo, window=window, measured=measured, tell=progress)
-        if page is not None:
-            with whole_file(page, option="--report") as drawn:
-                text = prediction_page(log, simulated, Provenance.now(console.words, log.sources))
-                drawn.write_text(text, encoding="utf-8")
-    unit = log.measured_unit
-    errors = [
-        {"run": run.run, "label": run.label, "rms": rms_error(run, output)}
-        for run, output in zip(log.runs, simulated, strict=True)
+            found = write_prediction(draft, log, servo, window=window, measured=measured, tell=progress)
+        drawn.write_text(prediction_page(found, Provenance.now(console.words, log.sources)), encoding="utf-8")
+    runs = [
+        {"run": run.run, "label": run.label, "rms": error}
+        for run, error in zip(log.runs, found.rms_errors, strict=True)
     ]
-    lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
-    files = f"{out}" if page is None else f"{out}, {page}"
-    console.result("\n".join([*lines, f"Written: {files}"]), {"file": str(out), "unit": unit, "runs": errors})
+    content = {"file": str(out), "report": str(page), "unit": log.measured_unit, "runs": runs}
+    console.result(f"{found}\nWritten: {out}, {page}", content)
 
 
 def inspect(options: LogOptions, *, out: Path, console: Console) -> None:

@@ -22,7 +22,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "predict": (
         "antidrive predict model.json log.csv --out prediction.csv",
-        "antidrive predict model.json log.csv --window 2 --measured --report prediction.html",
+        "antidrive predict model.json log.csv --window 2 --measured --out friday.parquet",
     ),
     "simulate": (
         "antidrive simulate tracking --model model.json",

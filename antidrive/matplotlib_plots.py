@@ -10,6 +10,7 @@ import numpy as np
 from allocation import CapabilityMap
 from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.model_comparison import Comparison
+from antidrive.prediction import Prediction, quantity
 from diagnosis.diagnosis import Diagnosis
 from identification.fit_result import Fit
 from identification.friction_test import FrictionTest
@@ -48,14 +49,19 @@ def _draw_log(log: Log, axes: Any) -> None:
 
 
 def _draw_fit(fit: Fit, axes: Any) -> None:
-    for run, simulated in zip(fit.log.runs, free_simulation(fit.log, fit.model), strict=True):
-        seen, first = np.where(run.valid, run.measured, np.nan), run is fit.log.runs[0]
+    _draw_prediction(Prediction(log=fit.log, simulated=tuple(free_simulation(fit.log, fit.model))), axes)
+
+
+def _draw_prediction(found: Prediction, axes: Any) -> None:
+    """Measured and simulated, and the error."""
+    for run, simulated in zip(found.log.runs, found.simulated, strict=True):
+        seen, first = np.where(run.valid, run.measured, np.nan), run is found.log.runs[0]
         axes[0].plot(run.time, seen, color=MEASURED, lw=2.5, label="measured" if first else None)
         axes[0].plot(run.time, simulated, color=AFTER, lw=1.0, label="simulated" if first else None)
         axes[1].plot(run.time, seen - simulated, color=BEFORE, lw=0.8)
     axes[0].legend(frameon=False)
-    _label(axes[0], y=f"output [{fit.log.measured_unit}]")
-    _label(axes[1], y=f"error [{fit.log.measured_unit}]", x="time [s]")
+    _label(axes[0], y=f"{quantity(found.log)} [{found.log.measured_unit}]")
+    _label(axes[1], y=f"error [{found.log.measured_unit}]", x="time [s]")
 
 
 def _draw_diagnosis(found: Diagnosis, axes: Any) -> None:
@@ -135,6 +141,7 @@ def _label(axes: Any, *, x: str = "", y: str = "") -> None:
 _PICTURES: dict[type, tuple[int, Callable[[Any, Any], None]]] = {
     Log: (2, _draw_log),
     Fit: (2, _draw_fit),
+    Prediction: (2, _draw_prediction),
     Diagnosis: (2, _draw_diagnosis),
     FrictionTest: (1, _draw_friction),
     Comparison: (1, _draw_changes),

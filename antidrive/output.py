@@ -7,7 +7,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -17,6 +17,13 @@ import numpy as np
 
 from antidrive.interruption import unstoppable
 from plant.errors import BadParameter
+from plant.file_format import check_format
+
+PAGES = (".html", ".htm")
+"""Suffixes of a page."""
+
+_FILES = (*PAGES, ".csv", ".json", ".toml", ".parquet", ".xlsx", ".c", ".h", ".xml", ".urdf", ".mo", ".fmu", ".zip")
+"""Suffixes that no folder of results has."""
 
 _WRITTEN: ContextVar[Path | None] = ContextVar("written", default=None)  # folder or file with results of this command
 
@@ -30,10 +37,12 @@ def whole_folder(out: Path, *, replaced: Collection[str] = ()) -> Iterator[Path]
         replaced: files of an earlier run that do not stay beside the new results, even if there are no new ones.
 
     Raises:
-        BadParameter: `out` is a file, or cannot be written.
+        BadParameter: `out` is a file or is named like one, or cannot be written.
     """
     if out.exists() and not out.is_dir():
         raise BadParameter(f"--out {out}: is a file; name a folder.")
+    if out.suffix.lower() in _FILES and not out.is_dir():
+        raise BadParameter(f"--out {out}: is named like a file, and several are written; name a folder.")
     with _draft_beside(out) as draft:
         yield draft
         for made in draft.iterdir():
@@ -50,16 +59,18 @@ def whole_folder(out: Path, *, replaced: Collection[str] = ()) -> Iterator[Path]
 
 
 @contextmanager
-def whole_file(out: Path, *, option: str = "--out") -> Iterator[Path]:
+def whole_file(out: Path, *, option: str = "--out", suffixes: Sequence[str] = ()) -> Iterator[Path]:
     """A draft file that becomes `out` if the block succeeds, and is deleted otherwise.
 
     Args:
         out: the file.
         option: name of its command-line option.
+        suffixes: of its format; any by default.
 
     Raises:
-        BadParameter: `out` is a folder, or cannot be written.
+        BadParameter: `out` is a folder, has the suffix of another format, or cannot be written.
     """
+    check_format(out, suffixes, option=option)
     if out.is_dir():
         raise BadParameter(f"{option} {out}: is a folder; name a file.")
     with _draft_beside(out, option) as draft:

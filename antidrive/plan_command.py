@@ -36,14 +36,11 @@ def plan(
     """Plan the first experiment within the limits of a drive, before there is a log. Writes a CSV file."""
     from antidrive.console import Console
     from antidrive.output import whole_file
-    from plant.errors import BadParameter
     from plant.first_experiment import first_experiment
 
     console = Console(quiet=quiet, json=json, words=context.obj)
-    if out.suffix.lower() not in ("", ".csv"):
-        raise BadParameter(f"--out {out}: the plan is a CSV file; name it {out.with_suffix('.csv').name}.")
     table = first_experiment(_limits(limits), rate=rate)
-    with whole_file(out) as draft:
+    with whole_file(out, suffixes=(".csv",)) as draft:
         table.to_csv(draft, index=False, float_format="%.9g")
     turns = (table["part"] != table["part"].shift()).cumsum()
     blocks = [(part["part"].iloc[0], float(part["time"].iloc[0]), len(part) / rate) for _, part in table.groupby(turns)]

@@ -2,40 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from antidrive.html_page import page
+from antidrive.prediction import Prediction
 from antidrive.provenance import Provenance
-from identification.log import Log
-from identification.run import Run
-from plant.effects.effect import Array
 
 _DRAWN = 6  # number of runs drawn, those with the largest errors
 
 
-def rms_error(run: Run, simulated: Array) -> float:
-    """Rms error of the valid samples [rad or m, or per second for a log of the speed]."""
-    return float(np.sqrt(np.mean((simulated - run.measured)[run.valid] ** 2)))
-
-
-def prediction_page(log: Log, simulated: Sequence[Array], provenance: Provenance) -> str:
-    """The error of each run, and the runs with the largest errors as measured and simulated.
-
-    Args:
-        log: the simulated log.
-        simulated: (T,) output of each run.
-        provenance: of the prediction.
-    """
+def prediction_page(found: Prediction, provenance: Provenance) -> str:
+    """The runs with the largest errors, as measured and simulated."""
     from antidrive.figures import fit_figure
 
-    unit, runs = log.measured_unit, list(zip(log.runs, simulated, strict=True))
+    log, unit = found.log, found.log.measured_unit
+    runs = list(zip(log.runs, found.simulated, found.rms_errors, strict=True))
     pictures = []
-    for run, output in sorted(runs, key=lambda pair: -rms_error(*pair))[:_DRAWN]:
+    for run, output, error in sorted(runs, key=lambda entry: -entry[2])[:_DRAWN]:
         seen = np.where(run.valid, run.measured, np.nan)
         figure = fit_figure(run.time, seen, output, unit)
-        pictures.append((figure, f"{run.label}: rms error {rms_error(run, output):.4g} {unit}."))
+        pictures.append((figure, f"{run.label}: rms error {error:.4g} {unit}."))
     lines = [
         "Open-loop simulation from the command alone. The initial state of each run is estimated from its first 0.2 s."
     ]

@@ -11,7 +11,9 @@ from allocation import CapabilityMap
 from antidrive.capability import table
 from antidrive.matplotlib_plots import plot as plot
 from antidrive.model_comparison import Comparison
-from antidrive.output import whole_file
+from antidrive.output import PAGES, whole_file
+from antidrive.prediction import Prediction
+from antidrive.prediction import table as predicted_table
 from antidrive.provenance import Provenance
 from diagnosis.diagnosis import Diagnosis
 from identification.fit_result import Fit
@@ -106,6 +108,16 @@ def _(result: Fit) -> Any:
 
 
 @to_frame.register
+def _(result: Prediction) -> Any:
+    """One row per sample, in the unit of the log."""
+    import pandas as pd
+
+    frame = pd.concat([predicted_table(result, run) for run in range(len(result.log.runs))], ignore_index=True)
+    frame.attrs["units"] = {"time": "s", **dict.fromkeys(frame.columns[2:], result.log.measured_unit)}
+    return frame
+
+
+@to_frame.register
 def _(result: Diagnosis) -> Any:
     """A row for each parameter of each reported effect, with the alternatives in the last column."""
     import pandas as pd
@@ -139,12 +151,12 @@ def _headline(result: Any) -> str:
         return f"{result.ends[1]}: {result.meaning}"
     if isinstance(result, ServoModel):
         return f"Servo: {', '.join(('rigid body', *(effect.title for effect in result.effects)))}"
-    return repr(result) if isinstance(result, Log | ClosedLoopResult) else str(result).splitlines()[0]
+    return repr(result) if isinstance(result, Log | ClosedLoopResult | Prediction) else str(result).splitlines()[0]
 
 
 def report(result: Any, path: Path) -> Path:
     """See `plant.result_display.Presented.report`."""
-    with whole_file(path) as draft:
+    with whole_file(path, option="report", suffixes=PAGES) as draft:
         draft.write_text(_page(result), encoding="utf-8")
     return path
 
@@ -172,6 +184,13 @@ def _(result: Diagnosis) -> str:
     from antidrive.report import diagnosis_page
 
     return diagnosis_page(result, _made(result.base.log.sources))
+
+
+@_page.register
+def _(result: Prediction) -> str:
+    from antidrive.prediction_page import prediction_page
+
+    return prediction_page(result, _made(result.log.sources))
 
 
 @_page.register

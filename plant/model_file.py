@@ -13,6 +13,7 @@ from plant.effects import Effect, Moment, catalogue
 from plant.effects.effect import Axis, Parameter, parameters_of
 from plant.effects.nonparametric import unnamed
 from plant.errors import AntidriveError, BadModelFile, BadParameter
+from plant.file_format import check_format
 from plant.gears import drive_train
 from plant.number import finite
 from plant.servo import ServoModel
@@ -96,8 +97,10 @@ class ModelFile:
         """Write the file atomically.
 
         Raises:
+            BadParameter: the suffix is not .json.
             OSError: the file cannot be written there; a file that was there before stays.
         """
+        check_format(path, (".json",))
         draft = path.with_name(path.name + ".part")
         try:
             draft.write_text(json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")

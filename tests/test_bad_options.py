@@ -118,6 +118,20 @@ CASES: dict[str, tuple[str, str]] = {
     "parameter with what comes near": ("identify log.csv --fixed Inertia=1 --out out", "did you mean inertia?"),
     "effect by its title": ("effects Coulomb-friction", "did you mean coulomb_friction?"),
     "held-out log that is fitted": ("diagnose log.csv --holdout log.csv --out out", "validates nothing"),
+    "prediction as a text": ("predict model.json log.csv --out p.txt", "name it p.csv, p.parquet, p.json or p.xlsx"),
+    "prediction as a compressed file": ("predict model.json log.csv --out p.csv.gz", "name it p.csv, p.parquet"),
+    "page as a workbook": ("predict model.json log.csv --out p.csv --report p.xlsx", "name it p.html"),
+    **{
+        f"folder named {name}": (f"{words} --out {name}", "name a folder")
+        for name, words in {
+            "model.json": "identify log.csv",
+            "log.toml": "inspect log.csv",
+            "report.html": "diagnose log.csv",
+            "loop.csv": "simulate tracking",
+            "table.h": "table friction model.json",
+            "servo.urdf": "export model.json --urdf",
+        }.items()
+    },
     "page into a folder": ("predict model.json log.csv --report out --out p.csv", "--report out"),
     "controller's option for MuJoCo": ("export model.json --mujoco --bandwidth 3 --out out", "--bandwidth"),
     "precision of a URDF": ("export model.json --urdf --single --out out", "--single"),

@@ -82,7 +82,13 @@ def test_a_saved_model_is_read_again(log, tmp_path):
     read = ad.read_model(path)
     assert read.model == fit.model
     assert read.std["inertia"] == fit["inertia"].std
-    assert ad.predict(read, log).equals(ad.predict(path, log))
+    assert ad.predict(read, log).to_frame().equals(ad.predict(path, log).to_frame())
+
+
+def test_a_model_is_written_as_json_alone(tmp_path):
+    with pytest.raises(plant.BadParameter, match=r"name it model\.json\.$"):
+        ad.write_model(TRUTH, tmp_path / "model.mat")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_model_file_in_place_of_its_model_is_reported(tmp_path):

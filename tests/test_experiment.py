@@ -311,6 +311,8 @@ def test_one_model_against_itself_is_reported_as_inseparable(monkeypatch: pytest
 def test_the_file_plays_what_was_designed(tmp_path: Path) -> None:
     experiment = designed("load")
     experiment.write(tmp_path / "experiment.csv")
+    with pytest.raises(BadParameter, match=r"name it experiment\.csv\.$"):
+        experiment.write(tmp_path / "experiment.xlsx")
     columns = read_table(tmp_path / "experiment.csv").columns
     assert list(columns) == ["time", "torque"]
     assert columns["time"] == pytest.approx(experiment.time, abs=1e-9)

@@ -71,10 +71,10 @@ def test_the_example_of_the_docstring_runs(monkeypatch, capsys):
 def test_predict_reports_what_the_command_reports(window, tmp_path):
     table = columns(PLAIN, duration=5.0)
     log, model = write_csv(tmp_path / "log.csv", table), write_model(tmp_path / "model.json")
-    found = ad.predict(PLAIN, table, window=window)
-    assert list(found.columns) == ["run", "time", "angle"]
+    found = ad.predict(PLAIN, table, window=window).to_frame()
+    assert list(found.columns) == ["run", "time", "angle", "measured"]
     assert np.sqrt(np.mean((found["angle"] - table["angle"]) ** 2)) < 1e-3
-    pd.testing.assert_frame_equal(ad.predict(model, log, window=window), found, atol=1e-9)
+    pd.testing.assert_frame_equal(ad.predict(model, log, window=window).to_frame(), found, atol=1e-9)
     more = [] if window is None else ["--window", window]
     assert antidrive("predict", model, log, *more, "--out", tmp_path / "p.csv").code == 0
     np.testing.assert_allclose(pd.read_csv(tmp_path / "p.csv").angle, found["angle"], atol=1e-9)
@@ -88,7 +88,7 @@ def test_a_prediction_of_a_speed_is_called_velocity(axis, tmp_path):
     speed["torque" if axis == "rotary" else "force"] = table["torque"]
     log, model = write_csv(tmp_path / "log.csv", speed), write_model(tmp_path / "model.json", servo)
     wanted = ["run", "time", "velocity", "measured"]
-    found = ad.predict(model, log, measured=True)
+    found = ad.predict(model, log).to_frame()
     assert list(found.columns) == wanted
     assert np.std(found["velocity"] - found["measured"]) < 0.5 * np.std(found["measured"])
     assert antidrive("predict", model, log, "--measured", "--out", tmp_path / "p.csv").code == 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -45,6 +47,7 @@ def results(log, fitted, diagnosed) -> dict[str, Tabled]:
     return {
         "log": log,
         "fit": fitted,
+        "prediction": ad.predict(TRUTH, log),
         "friction test": friction_test(ad.Log.from_arrays(**driven(PLAIN, SWEEP))),
         "comparison": Comparison(
             changes=(Change(name="inertia", **change),), diagnosis=diagnosed, new=(), possible=(), gone=(), **errors
@@ -55,7 +58,7 @@ def results(log, fitted, diagnosed) -> dict[str, Tabled]:
     }
 
 
-NAMES = {"log": 2, "fit": 2, "friction test": 1, "comparison": 1, "table": 1, "map": 1, "loop": 4}
+NAMES = {"log": 2, "fit": 2, "prediction": 2, "friction test": 1, "comparison": 1, "table": 1, "map": 1, "loop": 4}
 
 
 class Text(HTMLParser):
@@ -107,7 +110,7 @@ def test_tables_hold_the_numbers(log, fitted, diagnosed):
     assert causes.loc["coulomb_friction", "value"] == pytest.approx(0.4, rel=0.02)
 
 
-@pytest.mark.parametrize("name", ["fit", "friction test", "comparison", "loop"])
+@pytest.mark.parametrize("name", ["fit", "prediction", "friction test", "comparison", "loop"])
 def test_a_result_writes_its_page(name, results, tmp_path):
     path = results[name].report(tmp_path / "page.html")
     page = path.read_text(encoding="utf-8")
@@ -134,6 +137,7 @@ def test_a_diagnosis_is_drawn_and_written(diagnosed, tmp_path):
 def test_only_what_has_a_report_offers_one(results):
     assert {name for name, result in results.items() if hasattr(result, "report")} == {
         "fit",
+        "prediction",
         "friction test",
         "comparison",
         "loop",
@@ -162,13 +166,61 @@ def test_a_model_is_a_table_of_its_parameters():
 def test_a_prediction_lies_beside_what_was_measured(tmp_path):
     model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", columns(duration=4.0))
     out, page = tmp_path / "p.csv", tmp_path / "p.html"
-    result = antidrive("predict", model, log, "--measured", "--report", page, "--out", out)
+    result = antidrive("predict", model, log, "--measured", "--out", out)
     assert result.code == 0, result.err
     table = pd.read_csv(out)
     assert list(table) == ["run", "time", "angle", "measured"]
     assert table["measured"].to_numpy() == pytest.approx(pd.read_csv(log)["angle"].to_numpy())
-    again = ad.predict(TRUTH, log, measured=True)
+    again = ad.predict(TRUTH, log).to_frame()
     assert again["measured"].to_numpy() == pytest.approx(table["measured"].to_numpy())
     assert again["angle"].to_numpy() == pytest.approx(table["angle"].to_numpy(), abs=1e-9)
     assert "rms error" in page.read_text(encoding="utf-8")
     assert result.out.splitlines()[-1] == f"Written: {out}, {page}"
+
+
+def test_the_report_of_a_prediction_may_be_elsewhere(tmp_path):
+    model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", columns(duration=2.0))
+    out, page = tmp_path / "p.csv", tmp_path / "pages" / "friday.html"
+    result = antidrive("predict", model, log, "--out", out, "--report", page, "--json")
+    assert (json.loads(result.out)["file"], json.loads(result.out)["report"]) == (str(out), str(page))
+    assert "Measured and simulated" in page.read_text(encoding="utf-8")
+    assert not out.with_suffix(".html").exists()
+    assert list(pd.read_csv(out)) == ["run", "time", "angle"]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "read"),
+    [(".csv", pd.read_csv), (".parquet", pd.read_parquet), (".json", pd.read_json), (".xlsx", pd.read_excel)],
+)
+@pytest.mark.parametrize("more", [(), ("--measured",)])
+def test_a_prediction_has_the_format_of_its_suffix(suffix, read, more, tmp_path):
+    model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", columns(duration=2.0))
+    result = antidrive("predict", model, log, *more, "--out", tmp_path / f"p{suffix}")
+    assert result.code == 0, result.err
+    table, wanted = read(tmp_path / f"p{suffix}"), ad.predict(TRUTH, log).to_frame()
+    assert list(table) == ["run", "time", "angle", *(["measured"] if more else [])]
+    for column in list(table)[1:]:
+        np.testing.assert_allclose(table[column], wanted[column], atol=1e-9)
+    assert (tmp_path / "p.html").is_file()
+
+
+def test_a_workbook_without_its_library_is_refused(tmp_path, monkeypatch):
+    model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", columns(duration=2.0))
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    result = antidrive("predict", model, log, "--out", tmp_path / "p.xlsx")
+    assert (result.code, len(list(tmp_path.iterdir()))) == (2, 2)
+    assert "pip install openpyxl" in result.err
+
+
+def test_a_workbook_that_is_too_long_is_refused(tmp_path, monkeypatch):
+    model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", columns(duration=2.0))
+    monkeypatch.setattr("antidrive.prediction._SHEET", 100)
+    result = antidrive("predict", model, log, "--out", tmp_path / "p.xlsx")
+    assert (result.code, len(list(tmp_path.iterdir()))) == (2, 2)
+    assert "sheet has 100 rows" in result.err
+
+
+def test_a_report_is_no_pdf(fitted, tmp_path):
+    with pytest.raises(BadParameter, match=r"^report .*x\.pdf: \.pdf is not .* name it x\.html or x\.htm\.$"):
+        fitted.report(tmp_path / "x.pdf")
+    assert not list(tmp_path.iterdir())

@@ -18,7 +18,7 @@ def test_a_model_may_be_the_path_of_its_file(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     ad.write_model(ServoModel(inertia=2.0), path)
     assert fit(LOG, path).model.inertia == fit(LOG, ServoModel(inertia=2.0)).model.inertia
-    assert len(ad.predict(path, LOG)) == len(LOG.runs[0])
+    assert len(ad.predict(path, LOG).to_frame()) == len(LOG.runs[0])
     assert drive_table(path, "friction").points == 64
     with pytest.raises(BadModelFile, match="cannot be read"):
         drive_table(tmp_path / "other.json", "friction")

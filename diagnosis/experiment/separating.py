@@ -20,6 +20,7 @@ from diagnosis.result import Findings
 from identification.fit_result import Fit
 from plant.effects.effect import Array, Axis
 from plant.errors import BadParameter
+from plant.file_format import check_format
 
 __all__ = ["Experiment", "Limits", "rivals_of", "separating_experiment"]
 
@@ -78,7 +79,12 @@ class Experiment:
         return self.time.size * self.sample_time
 
     def write(self, path: str | Path) -> None:
-        """Write the signal as CSV: time [s] and torque [N m] (force [N] on a linear axis), one row for each sample."""
+        """Write the signal as CSV: time [s] and torque [N m] (force [N] on a linear axis), one row for each sample.
+
+        Raises:
+            BadParameter: the suffix is not .csv.
+        """
+        check_format(Path(path), (".csv",))
         name = "torque" if self.axis == "rotary" else "force"
         table = np.column_stack((self.time, self.torque))
         np.savetxt(path, table, fmt="%.10g", delimiter=",", header=f"time,{name}", comments="")
