@@ -182,8 +182,11 @@ def front_door() -> str:
         package = home.split(".")[0]
         link = f"[{package}]({package}.md)" if package in PACKAGES else package
         rows.append(f"| `ad.{name}` | {first.replace('|', ', ')} | {link} |")
-    own = "::: antidrive.prediction.predict\n    options:\n      heading: antidrive.predict\n      toc_label: predict"
-    return "\n\n".join(("# antidrive", text, "\n".join(rows), own)) + "\n"
+    own = [
+        f"::: antidrive.prediction.{name}\n    options:\n      heading: antidrive.{name}\n      toc_label: {name}"
+        for name in ("predict", "Prediction")
+    ]
+    return "\n\n".join(("# antidrive", text, "\n".join(rows), *own)) + "\n"
 
 
 def commands() -> str:
