@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from allocation.admissible import Admissibility, admissible, admissible_senses, null_space
+from allocation.admissible import Admissibility, admissible, admissible_directions, null_space
 from allocation.allocation import Allocation
 from allocation.allocator import Allocator
 from allocation.bounds import Bounds
@@ -26,7 +26,7 @@ __all__ = [
     "Preload",
     "Structure",
     "admissible",
-    "admissible_senses",
+    "admissible_directions",
     "capability_map",
     "enumerate_admissible",
     "least_effort",

@@ -96,7 +96,7 @@ def admissible(A: ArrayLike) -> Admissibility:
     return Admissibility(admissible=ok, score=score if ok else 0.0, null_vector=vector, rank=rank)
 
 
-def admissible_senses(A: ArrayLike) -> list[NDArray[np.int64]]:
+def admissible_directions(A: ArrayLike) -> list[NDArray[np.int64]]:
     """Torque directions (m,), each +1 or -1, with which drives of torque map A (n x m) keep all joints backlash-free.
 
     They are the sign patterns of the null vectors of A without zero entries; the reverse of each is listed too. For
@@ -110,8 +110,8 @@ def admissible_senses(A: ArrayLike) -> list[NDArray[np.int64]]:
     if m > _MOST_DRIVES:
         raise BadParameter(f"Senses are listed for up to {_MOST_DRIVES} drives, not {m}.")
     halves = (np.array((1, *rest), dtype=np.int64) for rest in product((1, -1), repeat=m - 1))
-    found = [sense for sense in halves if admissible(matrix * sense).admissible]
-    return [*found, *(-sense for sense in reversed(found))]
+    found = [direction for direction in halves if admissible(matrix * direction).admissible]
+    return [*found, *(-direction for direction in reversed(found))]
 
 
 def _unit_rows(matrix: Array) -> Array:

@@ -23,7 +23,7 @@ class Allocation:
         margin: smallest motor or contact torque minus the minimum, seen from the drive [N m]; contact may be lost if
             it is negative.
         missing_torque: demanded minus delivered torque [N m]; a number for one joint, (n,) for several.
-        heat: sum of xi_i^2 [N^2 m^2], proportional to the Joule heat.
+        copper_loss: sum of xi_i^2 [N^2 m^2], proportional to the Joule heat.
         floor: (m,) minimum torque plus friction now required of each drive [N m]; it rises from zero while the
             preload is built up.
         primal_residual, dual_residual, duality_gap: distance from the optimum, with torques in units of the greatest
@@ -36,7 +36,7 @@ class Allocation:
     binding: tuple[str, ...]
     margin: float
     missing_torque: float | Array
-    heat: float
+    copper_loss: float
     floor: Array
     primal_residual: float
     dual_residual: float

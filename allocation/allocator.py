@@ -91,7 +91,7 @@ class Allocator:
         if not isinstance(self.gears, DriveTrain) and not structure.admissibility.admissible:
             raise BadParameter(
                 "These drives cannot hold every joint free of backlash: A must have full rank and a strictly positive "
-                "null vector; `admissible_senses` tells the senses that would do."
+                "null vector; `admissible_directions` tells the directions that would do."
             )
         if self.solver is not None:
             check_solver(self.solver)
@@ -240,7 +240,7 @@ class Allocator:
             binding=binding,
             margin=float(self.bounds.margin(torques, acceleration)),
             missing_torque=float(missing[0]) if structure.joints == 1 else missing,
-            heat=float(torques @ torques),
+            copper_loss=float(torques @ torques),
             floor=floor,
             primal_residual=residuals.primal,
             dual_residual=residuals.dual,

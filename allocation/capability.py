@@ -20,7 +20,7 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CapabilityMap(Drawn):
-    """Preload, margin and heat to move a load without loss of contact, over P accelerations and Q load torques.
+    """Preload, margin and copper loss to move a load without loss of contact, over P accelerations and Q load torques.
 
     Attributes:
         acceleration: (P,) of the load [rad/s^2], rising.
@@ -29,14 +29,14 @@ class CapabilityMap(Drawn):
             `Allocation.preload`; NaN out of reach.
         margin: (P, Q) by how much the minimum motor and contact torque could be raised until no torques are feasible,
             seen from the drive [N m]; negative out of reach, zero at the edge.
-        heat: (P, Q) sum of the squared drive torques at that preload [N^2 m^2]; NaN out of reach.
+        copper_loss: (P, Q) sum of the squared drive torques at that preload [N^2 m^2]; NaN out of reach.
     """
 
     acceleration: Array
     load_torque: Array
     least_preload: Array
     margin: Array
-    heat: Array
+    copper_loss: Array
 
     def __repr__(self) -> str:
         """Size of the map and share within reach, in one line."""
@@ -46,7 +46,7 @@ class CapabilityMap(Drawn):
     @property
     def reachable(self) -> NDArray[np.bool_]:
         """(P, Q) whether contact is kept."""
-        return np.isfinite(self.heat)
+        return np.isfinite(self.copper_loss)
 
     @property
     def edge(self) -> Array:
@@ -112,7 +112,7 @@ def capability_map(
         load_torque=load,
         least_preload=np.where(out_of_reach, np.nan, torques @ v / (v @ v)),
         margin=margin,
-        heat=np.where(out_of_reach, np.nan, np.sum(torques**2, axis=-1)),
+        copper_loss=np.where(out_of_reach, np.nan, np.sum(torques**2, axis=-1)),
     )
 
 

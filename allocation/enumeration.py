@@ -21,7 +21,7 @@ def enumerate_admissible(n: int, m: int) -> list[Signs]:
     drives that Chang and Tsai (1993) allow.
 
     For n = 1 the two patterns of the paper, [+ -] and [- +], are equivalent (drives exchanged), but both are listed.
-    `admissible_senses` lists the directions for a given machine.
+    `admissible_directions` lists the directions for a given machine.
 
     Args:
         n: joints, 1 to 3.

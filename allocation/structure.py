@@ -27,31 +27,33 @@ class Structure:
 
     Attributes:
         A: (n, m) torque on each joint for one newton metre of each drive.
-        sense: (m,) +1 or -1, the required sign (direction) of each drive torque; all +1 if the signs of the columns of
+        directions: (m,) +1 or -1, the required sign of each drive torque; all +1 if the signs of the columns of
             A already contain the directions, as in Chang and Tsai (1993).
         reduction: turns of a motor for one turn of its drive; a number, or one for each.
 
     Raises:
-        BadParameter: A is not a finite matrix, a sense is not +1 or -1, or the reduction is not positive.
+        BadParameter: A is not a finite matrix, a direction is not +1 or -1, or the reduction is not positive.
     """
 
     A: ArrayLike
     _: KW_ONLY
-    sense: tuple[int, ...] | None = None
+    directions: tuple[int, ...] | None = None
     reduction: float | tuple[float, ...] = 1.0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         matrix = structure_matrix(self.A)
-        sense = (1,) * matrix.shape[1] if self.sense is None else tuple(self.sense)
-        if len(sense) != matrix.shape[1] or not set(sense) <= {1, -1}:
-            raise BadParameter(f"sense must be +1 or -1 for each of the {matrix.shape[1]} drives, not {self.sense!r}.")
+        directions = (1,) * matrix.shape[1] if self.directions is None else tuple(self.directions)
+        if len(directions) != matrix.shape[1] or not set(directions) <= {1, -1}:
+            raise BadParameter(
+                f"directions must be +1 or -1 for each of the {matrix.shape[1]} drives, not {self.directions!r}."
+            )
         turns = np.asarray(self.reduction, dtype=np.float64)
-        if turns.shape not in ((), (len(sense),)) or not np.all(np.isfinite(turns) & (turns > 0)):
+        if turns.shape not in ((), (len(directions),)) or not np.all(np.isfinite(turns) & (turns > 0)):
             raise BadParameter(f"reduction must be finite and above zero, not {self.reduction!r}.")
         matrix.setflags(write=False)
         object.__setattr__(self, "A", matrix)
-        object.__setattr__(self, "sense", sense)
+        object.__setattr__(self, "directions", directions)
 
     @classmethod
     def of(cls, machine: DriveTrain | Structure | ArrayLike) -> Structure:
@@ -60,7 +62,7 @@ class Structure:
             return machine
         if isinstance(machine, DriveTrain):
             reduction = tuple(machine.pre_reductions.tolist())
-            return cls(machine.torque_map[None, :], sense=machine.senses, reduction=reduction)
+            return cls(machine.torque_map[None, :], directions=machine.directions, reduction=reduction)
         return cls(machine)
 
     @cached_property
@@ -76,7 +78,7 @@ class Structure:
     @cached_property
     def signs(self) -> Array:
         """The directions +1 or -1 of the drives as an array, (m,)."""
-        return np.array(self.sense, dtype=np.float64)
+        return np.array(self.directions, dtype=np.float64)
 
     @cached_property
     def pushing(self) -> Array:

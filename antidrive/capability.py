@@ -59,24 +59,24 @@ def table(found: CapabilityMap) -> pd.DataFrame:
 
     a, load = np.meshgrid(found.acceleration, found.load_torque, indexing="ij")
     columns = {"acceleration": a, "load_torque": load}
-    columns |= {"least_preload": found.least_preload, "margin": found.margin, "heat": found.heat}
+    columns |= {"least_preload": found.least_preload, "margin": found.margin, "copper_loss": found.copper_loss}
     return pd.DataFrame({name: values.ravel() for name, values in columns.items()})
 
 
 def summary(found: CapabilityMap, units: Units = ROTARY) -> dict[str, Any]:
-    """Key numbers of the map: load torques at rest, accelerations without load, and preload and heat at standstill."""
+    """Key numbers of the map: load torques at rest, accelerations without load, preload and loss at standstill."""
     still, idle = np.argmin(np.abs(found.acceleration)), np.argmin(np.abs(found.load_torque))
     held = found.load_torque[found.reachable[still]]
     return {
         "load_torque_at_rest": [held[0], held[-1]],
         "acceleration_without_load": found.edge[idle],
         "least_preload_at_rest": found.least_preload[still, idle],
-        "heat_at_rest": found.heat[still, idle],
+        "copper_loss_at_rest": found.copper_loss[still, idle],
         "units": {
             "torque": units.torque,
             "acceleration": units.acceleration.replace("²", "^2"),
             "preload": units.preload,
-            "heat": "N^2 m^2",
+            "copper_loss": "N^2 m^2",
         },
     }
 
@@ -89,5 +89,5 @@ def sentences(found: CapabilityMap, units: Units = ROTARY) -> list[str]:
         f"Without losing contact the drives hold load torques from {least:.4g} to {most:.4g} {units.torque} at rest.",
         f"Without load they reach accelerations from {slowest:.4g} to {fastest:.4g} {units.acceleration}.",
         f"At rest without load the preload is {data['least_preload_at_rest']:.4g} {units.preload}, and the copper-loss "
-        f"index {data['heat_at_rest']:.4g} N² m².",
+        f"index {data['copper_loss_at_rest']:.4g} N² m².",
     ]

@@ -79,7 +79,7 @@ class ClosedLoopRun:
             "final_error": float(np.mean((r.angle - r.reference)[-20:])),
             "least_preload_margin": float(np.min(r.flank_torques[kept])) if kept.stop else None,
             "contact_lost": bool(np.min(r.flank_torques) <= 0.0),
-            "heat": r.heat,
+            "copper_loss": r.copper_loss,
             "samples": int(r.time.size),
             "degraded_samples": r.degraded,
         }
@@ -167,7 +167,7 @@ class ClosedLoopRun:
     def numbers(self) -> list[tuple[str, str]]:
         """The summary as table rows: name, and value with unit and standard deviation over all runs."""
         _, rad, _, newton = axis_quantities(self.result.axis)
-        units = {"heat": "N² m²", **dict.fromkeys(("tracking", "largest", "final"), rad)}
+        units = {"copper": "N² m²", **dict.fromkeys(("tracking", "largest", "final"), rad)}
         units |= dict.fromkeys(("least", "impact"), newton)
         scatter, rows = self.scatter(), []
         for name, value in flat(self._one_summary()).items():

@@ -48,7 +48,7 @@ def identify(
     options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, console: Console
 ) -> None:
     """Fit a model and write model.json, fit.json and report.html; of a fit without a result nothing, unless forced."""
-    from diagnosis import blind_spots, standstill, torque_follows, unexplained_torque
+    from diagnosis import identifiability_warnings, standstill, torque_follows, unexplained_torque
     from identification.fit import fit
     from identification.fit_result import fit_report, fit_to_dict
     from identification.simulation import free_simulation
@@ -75,7 +75,7 @@ def identify(
                 raise Unidentifiable(why)
             simulated = free_simulation(measured.log, found.model)
         content = fit_to_dict(found)
-        unidentifiable = (*blind_spots(found), *filter(None, (unexplained_torque(found),)))
+        unidentifiable = (*identifiability_warnings(found), *filter(None, (unexplained_torque(found),)))
         content["data"]["warnings"] += unidentifiable
         provenance = Provenance.now(console.words, measured.log.sources)
         found.model_file(options.reading().gears).write(draft / "model.json")
@@ -141,10 +141,10 @@ def diagnose(
 
 def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Experiment | None, str]:
     """The experiment that separates competing effects within the limits of the log, and a sentence on it."""
-    from diagnosis.experiment import rivals_of, separating_experiment
+    from diagnosis.experiment import competing_fits, separating_experiment
     from diagnosis.experiment.signal_design import Limits
 
-    competing = rivals_of(found)
+    competing = competing_fits(found)
     if competing is None:
         return None, "No experiment was designed: that nothing is missing is more probable than any competing effect."
     try:

@@ -37,7 +37,7 @@ def allocate(
             "torques": split.torques,
             "preload": split.preload,
             "margin": split.margin,
-            "heat": split.heat,
+            "copper_loss": split.copper_loss,
             "missing_torque": split.missing_torque,
             "binding": split.binding,
             "status": split.status,
@@ -45,9 +45,15 @@ def allocate(
         for torque, split in splits
     ]
     pinions = [f"drive {number}" for number in range(1, train.drives + 1)]
-    columns = ("torque", *pinions, "margin", "heat", "status")
+    columns = ("torque", *pinions, "margin", "copper loss", "status")
     rows = [
-        (f"{torque:.4g}", *(f"{t:+.5f}" for t in s.torques), f"{s.margin:.5f}", f"{s.heat:.6f}", s.status.split(":")[0])
+        (
+            f"{torque:.4g}",
+            *(f"{t:+.5f}" for t in s.torques),
+            f"{s.margin:.5f}",
+            f"{s.copper_loss:.6f}",
+            s.status.split(":")[0],
+        )
         for torque, s in splits
     ]
     units = (unit, *("N m" for _ in pinions), "N m", "N² m²", "")

@@ -71,7 +71,7 @@ def kinks(effect: Effect) -> tuple[str, ...]:
         law.added_inertia(at),
         law.slide(state, w),
         law.reading(x, state),
-        law.sense(state, x, v, w, _STEP),
+        law.advance_sensor(state, x, v, w, _STEP),
     ]
     built = ca.Function("law", [x, v, w, torque, state, time, *symbols], [ca.vertcat(*parts)])
     used = {built.instruction_id(place) for place in range(built.n_instructions())}

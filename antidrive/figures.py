@@ -214,7 +214,7 @@ def capability_figure(found: CapabilityMap, units: Units = ROTARY) -> Figure:
     parts = (
         (f"least preload [{units.preload}]", found.least_preload),
         ("margin [N m]", np.where(found.reachable, found.margin, np.nan)),
-        ("copper-loss index [N² m²]", found.heat),
+        ("copper-loss index [N² m²]", found.copper_loss),
     )
     rows = [
         Row(title=f"load torque [{units.torque}]", what=title, map=(found.acceleration, found.load_torque, values))

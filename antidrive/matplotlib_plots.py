@@ -109,7 +109,7 @@ def _draw_table(table: DriveTable, axes: Any) -> None:
 
 def _draw_capability(found: CapabilityMap, axes: Any) -> None:
     """The copper-loss index, and the limit of the reachable accelerations."""
-    mesh = axes[0].pcolormesh(found.load_torque, found.acceleration, found.heat, shading="nearest")
+    mesh = axes[0].pcolormesh(found.load_torque, found.acceleration, found.copper_loss, shading="nearest")
     axes[0].figure.colorbar(mesh, ax=axes[0], label="copper-loss index [N² m²]")
     axes[0].plot(found.load_torque, found.edge, color=BEFORE, lw=1.6)
     _label(axes[0], x="load torque [N m]", y="acceleration [rad/s²]")

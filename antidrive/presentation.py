@@ -173,10 +173,10 @@ def _made(sources: tuple[Source, ...]) -> Provenance:
 @_page.register
 def _(result: Fit) -> str:
     from antidrive.report import fit_page
-    from diagnosis import blind_spots
+    from diagnosis import identifiability_warnings
 
     simulated = free_simulation(result.log, result.model)
-    return fit_page(result, simulated, _made(result.log.sources), warnings=blind_spots(result))
+    return fit_page(result, simulated, _made(result.log.sources), warnings=identifiability_warnings(result))
 
 
 @_page.register

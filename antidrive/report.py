@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from antidrive.demo import Demo
     from mpc import ClosedLoopResult
 
-_NAMES = {"least_preload_margin": "minimum contact torque", "heat": "copper-loss index"}
+_NAMES = {"least_preload_margin": "minimum contact torque", "copper_loss": "copper-loss index"}
 _RUNS_DRAWN = 3  # validation runs that are drawn; the numbers cover all
 _BARS = 6  # number of most probable sets drawn
 
@@ -126,7 +126,7 @@ def loop_page(result: ClosedLoopResult, provenance: Provenance) -> str:
         ("tracking rms", f"{result.tracking_rms:.4g} {length}"),
         ("largest error", f"{float(np.max(np.abs(error))):.4g} {length}"),
         ("minimum contact torque", f"{result.least_flank_torque:.4g} {newton}"),
-        ("copper-loss index", f"{result.heat:.4g} N² m²"),
+        ("copper-loss index", f"{result.copper_loss:.4g} N² m²"),
     ]
     content = {"title": title, "note": "", "sentences": loop_sentences(result), "figure": loop_figure(result)}
     return page("closed_loop", provenance, title, trials=[{**content, "numbers": numbers}])

@@ -24,7 +24,7 @@ END = 60.0  # of the log [s]
 SEED = 13
 FINE = 2e-5  # noise of a good encoder [rad]
 HEADER = (
-    f"{'':49}{f'rms [urad], noise {1e6 * NOISE:.0f} urad':>33}{'heat [N^2 m^2]':>20}"
+    f"{'':49}{f'rms [urad], noise {1e6 * NOISE:.0f} urad':>33}{'loss [N^2 m^2]':>20}"
     f"{f'rms [urad], noise {1e6 * FINE:.0f} urad':>33}\n"
     f"{'effect':24}{'named':25}{'base':>9}{'extended':>9}{'true':>9}{'cut':>6}{'base':>10}{'extended':>10}"
     f"{'base':>9}{'extended':>9}{'true':>9}{'cut':>6}"
@@ -43,8 +43,8 @@ def row(case: Hidden) -> str:
         for noise in (NOISE, FINE)
     )
     named = ", ".join(cause.effect for cause in found.causes) or found.verdict
-    heat = "".join(f"{loop.heat:10.3f}" for loop in coarse[:2])
-    return f"{case.effect:24}{named:25}{_errors(coarse)}{heat}{_errors(fine)}"
+    loss = "".join(f"{loop.copper_loss:10.3f}" for loop in coarse[:2])
+    return f"{case.effect:24}{named:25}{_errors(coarse)}{loss}{_errors(fine)}"
 
 
 def _errors(loops: list[Tracking]) -> str:

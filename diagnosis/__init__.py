@@ -5,9 +5,9 @@ from __future__ import annotations
 from diagnosis.batch import diagnose_all
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.experiment import Experiment, Limits, rivals_of, separating_experiment
+from diagnosis.experiment import Experiment, Limits, competing_fits, separating_experiment
 from diagnosis.explanation import Explanation
-from diagnosis.identifiability import blind_spots, standstill
+from diagnosis.identifiability import identifiability_warnings, standstill
 from diagnosis.inverse_model import torque_follows, unexplained_torque
 from diagnosis.result import Cause, EffectSet, Findings, Gain, Minor, Rejected, Unknown
 
@@ -23,10 +23,10 @@ __all__ = [
     "Minor",
     "Rejected",
     "Unknown",
-    "blind_spots",
+    "competing_fits",
     "diagnose",
     "diagnose_all",
-    "rivals_of",
+    "identifiability_warnings",
     "separating_experiment",
     "standstill",
     "torque_follows",

@@ -18,7 +18,7 @@ from diagnosis.falsification import Tenable, predicts_worse, tenable
 from diagnosis.formula_suggestion import suggested_formula
 from diagnosis.holdout import measure_gain, remaining
 from diagnosis.holdout_refit import holdout_differences
-from diagnosis.identifiability import blind_spots, standstill
+from diagnosis.identifiability import identifiability_warnings, standstill
 from diagnosis.inverse_model import (
     inverse_errors,
     torque_follows,
@@ -288,7 +288,13 @@ def _of_data(null: Fit, notes: Sequence[str]) -> list[str]:
 def _of_the_end(null: Fit, final: Fit, held_out: Log) -> list[str]:
     """Warnings about the final model: confounded parameters, extrapolation, repeated runs, validation data."""
     further, left, apart = extrapolation_warning(held_out, null.log), repeats(final), between_run_differences(final)
-    found = [*blind_spots(null, final), further, None if left is None else str(left), apart, suggested_formula(final)]
+    found = [
+        *identifiability_warnings(null, final),
+        further,
+        None if left is None else str(left),
+        apart,
+        suggested_formula(final),
+    ]
     if differences := holdout_differences(final, held_out):
         found.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, differences))}.")
     return [each for each in found if each is not None]

@@ -75,7 +75,7 @@ _QUESTIONS = (
 _NOISE = "its part in this motion is smaller than the noise; record a longer log or a larger motion"
 
 
-def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
+def identifiability_warnings(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
     """One sentence with advice for each size that the log of a fit does not identify; empty if there is none.
 
     A size that the fit of an `extended` model to the same log determines is left out: in the base fit, errors of the

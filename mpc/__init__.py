@@ -11,7 +11,7 @@ from mpc.estimator import Estimator
 from mpc.export import TargetCode, export
 from mpc.fmu import controller_fmu
 from mpc.monte_carlo import MonteCarlo, Sweep, Trial, monte_carlo, sweep
-from mpc.trajectory import Trajectory, minimum_heat, time_optimal
+from mpc.trajectory import Trajectory, minimum_copper_loss, time_optimal
 
 __all__ = [
     "ClosedLoopResult",
@@ -29,7 +29,7 @@ __all__ = [
     "closed_loop",
     "controller_fmu",
     "export",
-    "minimum_heat",
+    "minimum_copper_loss",
     "monte_carlo",
     "sweep",
     "time_optimal",

@@ -38,7 +38,7 @@ class ClosedLoopResult(Presented):
         axis: of the machine.
         tracking_rms: root mean square of angle minus reference [rad].
         least_flank_torque: minimum contact torque, the least of `flank_torques` [N m].
-        heat: mean of xi1^2 + xi2^2 [N^2 m^2].
+        copper_loss: mean of xi1^2 + xi2^2 [N^2 m^2].
     """
 
     time: Array
@@ -64,7 +64,7 @@ class ClosedLoopResult(Presented):
         return float(np.min(self.flank_torques))
 
     @property
-    def heat(self) -> float:
+    def copper_loss(self) -> float:
         """Mean of xi1^2 + xi2^2 [N^2 m^2], proportional to the Joule heat."""
         return float(np.mean(np.sum(self.torques**2, axis=1)))
 

@@ -53,9 +53,9 @@ class Trial:
     seed: int
 
     def outcome(self) -> tuple[float, float, int, float]:
-        """Simulate it: tracking rms, minimum contact torque, degraded samples, heat."""
+        """Simulate it: tracking rms, minimum contact torque, degraded samples, copper loss."""
         loop = closed_loop(self.design(), self.rig, self.reference, self.duration, self.seed)
-        return loop.tracking_rms, loop.least_flank_torque, loop.degraded, loop.heat
+        return loop.tracking_rms, loop.least_flank_torque, loop.degraded, loop.copper_loss
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,13 +66,13 @@ class Sweep:
         tracking_rms: (R,) root mean square of angle minus reference [rad].
         least_flank_torque: (R,) minimum contact torque [N m], at the output gear.
         degraded: (R,) number of samples whose status was not "optimal".
-        heat: (R,) mean of xi1^2 + xi2^2 [N^2 m^2].
+        copper_loss: (R,) mean of xi1^2 + xi2^2 [N^2 m^2].
     """
 
     tracking_rms: Array
     least_flank_torque: Array
     degraded: NDArray[np.int64]
-    heat: Array
+    copper_loss: Array
 
     @property
     def contact_lost(self) -> NDArray[np.bool_]:
@@ -119,12 +119,12 @@ def sweep(
             progress(
                 f"{number} of {len(trials)}: rms {outcome[0]:.3g} rad, minimum contact torque {outcome[1]:.3g} N m"
             )
-    rms, flank, degraded, heat = zip(*outcomes, strict=True)
+    rms, flank, degraded, loss = zip(*outcomes, strict=True)
     return Sweep(
         tracking_rms=np.array(rms),
         least_flank_torque=np.array(flank),
         degraded=np.array(degraded),
-        heat=np.array(heat),
+        copper_loss=np.array(loss),
     )
 
 

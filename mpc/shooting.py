@@ -24,7 +24,7 @@ _LONGEST = 100.0
 """Greatest duration, in units of the shortest one for inertia alone."""
 
 _TIDY = 1e-6
-"""Weight of heat besides time: it only determines the remaining freedom, the preload where no bound determines it."""
+"""Weight of the copper loss beside time: it only determines the preload where no bound does."""
 
 _OPTIONS: Any = {
     "print_time": False,
@@ -149,7 +149,7 @@ class Shooting:
         return abs(self.goal - self.start) / self.speed_limit
 
     def solve(self, duration: float | None) -> Shot:
-        """The move of shortest duration, or of least heat in a given duration [s]."""
+        """The move of shortest duration, or of least copper loss in a given duration [s]."""
         N, n, greatest = self.intervals, self.begin.size, self.bounds.greatest
         expected = 2.0 * self._quickest + self._cruise if duration is None else duration
         units = np.ones(n)
@@ -157,10 +157,10 @@ class Shooting:
         variables = self._variables(units, expected, duration is not None)
         Z, U, X, t = (block.symbols for block in variables)
         rows = self._rows(Z, U, X, t, units, expected)
-        heat = ca.sum2(ca.sum1(X**2)) * t / N
+        loss = ca.sum2(ca.sum1(X**2)) * t / N
         program = {
             "x": ca.vertcat(*(ca.vec(block.symbols) for block in variables)),
-            "f": t + _TIDY * heat if duration is None else heat,
+            "f": t + _TIDY * loss if duration is None else loss,
             "g": ca.vertcat(*(ca.vec(block.symbols) for block in rows)),
         }
         solver = ca.nlpsol("move", "ipopt", program, _OPTIONS)

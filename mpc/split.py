@@ -19,7 +19,7 @@ from mpc.drive import DriveInverse, clip
 Array = NDArray[np.float64]
 
 
-_OF_A_DRIVE = ("most", "least", "ratio", "null", "sense", "rotor", "rubbed")
+_OF_A_DRIVE = ("most", "least", "ratio", "null", "direction", "rotor", "rubbed")
 _OF_BOTH = ("half_width", "back_emf", "limit", "preload_step")
 
 MACHINE = 2 * len(_OF_A_DRIVE) + len(_OF_BOTH)
@@ -44,7 +44,7 @@ def machine(bounds: Bounds, drive: DriveInverse, preload_step: float = np.inf) -
         "most": bounds.greatest,
         "ratio": gears.mesh_ratios,
         "null": 1.0 if alone else np.abs(gears.null_vector),
-        "sense": np.array((-1, 1)) * gears.senses[0] if alone else np.array(gears.senses),
+        "direction": np.array((-1, 1)) * gears.directions[0] if alone else np.array(gears.directions),
         "rotor": inertia * gears.mesh_ratios,
         "rubbed": 0.0 if alone else bounds.friction,
     }
@@ -60,7 +60,7 @@ class _Pair:
         each = {name: (numbers[2 * i], numbers[2 * i + 1]) for i, name in enumerate(_OF_A_DRIVE)}
         *drive, self.step = ca.vertsplit(numbers[2 * len(_OF_A_DRIVE) :])
         self.least, self.most, self.ratios, self.teeth = (each[name] for name in ("least", "most", "ratio", "null"))
-        self.senses, (rotor_1, rotor_2), rubbed = each["sense"], each["rotor"], each["rubbed"]
+        self.directions, (rotor_1, rotor_2), rubbed = each["direction"], each["rotor"], each["rubbed"]
         # torque lost to friction (worst case, its direction is uncertain near rest) and to the rotor of each drive
         self.taken = (rubbed[0] - rotor_1 * acceleration, rubbed[1] + rotor_2 * acceleration)
         ends = zip(self.least, self.most, self.taken, strict=True)
@@ -117,7 +117,7 @@ def split() -> Any:
     ]
     outputs = [
         preload,
-        ca.vertcat(pair.senses[0] * first, pair.senses[1] * second),
+        ca.vertcat(pair.directions[0] * first, pair.directions[1] * second),
         pair.drive.effective(follower, velocity),
         ca.fmin(*flanks),
     ]

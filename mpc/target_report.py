@@ -18,7 +18,7 @@ def ranges(controller: Controller) -> list[tuple[float, float]]:
     bounds, gears = controller.bounds, controller.gears
     if gears.drives == 1:
         return [(-float(bounds.greatest[0]), float(bounds.greatest[0]))]
-    ends = zip(bounds.least.tolist(), bounds.greatest.tolist(), gears.senses, strict=True)
+    ends = zip(bounds.least.tolist(), bounds.greatest.tolist(), gears.directions, strict=True)
     return [(least, most) if sense > 0 else (-most, -least) for least, most, sense in ends]
 
 
@@ -27,8 +27,10 @@ def words_of(controller: Controller) -> dict[str, str]:
     (angle, length, torque, newton), gears = axis_quantities(controller.model.axis), controller.gears
     pair, title = gears.drives > 1, f"Predictive controller of {what(controller)}, in C99"
     each = "torques 1 and 2" if pair else "torques back and forth, whose sum is that of the drive,"
-    backward, forward = ("positive" if sense > 0 else "negative" for sense in (gears.senses[0], gears.senses[-1]))
-    senses = (
+    backward, forward = (
+        "positive" if sense > 0 else "negative" for sense in (gears.directions[0], gears.directions[-1])
+    )
+    directions = (
         f"A {backward} torque of drive 1 pushes the load backward, a {forward} one of drive 2 forward."
         if pair
         else f"A {forward} torque pushes the load forward."
@@ -42,7 +44,7 @@ def words_of(controller: Controller) -> dict[str, str]:
         "line": "=" * len(title),
         "gears": _drives(gears, newton),
         "torque_ranges": ", ".join(f"{low:g} to {high:g} N m" for low, high in ranges(controller)),
-        "senses": f"Units are SI: {angle}s of the load in {length}, torques of the drives in N m. {senses}",
+        "directions": f"Units are SI: {angle}s of the load in {length}, torques of the drives in N m. {directions}",
         "angle": angle,
         "length": length,
         "torque": torque,

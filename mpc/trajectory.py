@@ -1,4 +1,4 @@
-"""Trajectory planning from rest to rest: in minimum time, or in a given time with least heat."""
+"""Trajectory planning from rest to rest: in minimum time, or in a given time with least copper loss."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Trajectory:
         speed: (N + 1,) planned speed of the load [rad/s].
         follower_torque: (N,) of both pinions together, at the follower [N m].
         torques: (N, 2) pinion torques [N m]; always inside the bounds.
-        heat: integral of xi1^2 + xi2^2 [N^2 m^2 s], proportional to the Joule heat.
+        copper_loss: integral of xi1^2 + xi2^2 [N^2 m^2 s], proportional to the Joule heat.
         margin: smallest motor or contact torque minus the minimum [N m], seen from the pinion, in a fine simulation of
             the model with these torques and exact dry friction.
         miss: (2,) final error of that simulation in angle and velocity [rad], [rad/s].
@@ -43,7 +43,7 @@ class Trajectory:
     speed: Array
     follower_torque: Array
     torques: Array
-    heat: float
+    copper_loss: float
     margin: float
     miss: Array
     status: str
@@ -100,7 +100,7 @@ def time_optimal(
     return _solved(_move(model, bounds, start, goal, intervals, speed_limit), None)
 
 
-def minimum_heat(
+def minimum_copper_loss(
     model: ServoModel,
     bounds: Limits,
     start: float,
@@ -163,7 +163,7 @@ def _solved(move: Shooting, duration: float | None) -> Trajectory:
         speed=shot.states[:, 1].copy(),
         follower_torque=follower,
         torques=torques,
-        heat=float(np.sum(torques**2) * h),
+        copper_loss=float(np.sum(torques**2) * h),
         margin=float(np.min(bounds.margin(fine, acceleration))),
         miss=course[-1, :2] - [move.goal, 0.0],
         status="optimal" if shot.outcome == "Solve_Succeeded" else f"failed: {shot.outcome.replace('_', ' ')}",

@@ -38,7 +38,7 @@ class DriveTrain(ABC):
         return self.torque_map.size
 
     @property
-    def senses(self) -> tuple[int, ...]:
+    def directions(self) -> tuple[int, ...]:
         """(m,) required sign of each drive's torque, +1 or -1; of a single drive, the sign of forward."""
         forward = np.sign(self.torque_map).astype(int).tolist()
         return (-forward[0], forward[1]) if len(forward) == 2 else tuple(forward)
@@ -68,7 +68,7 @@ class DriveTrain(ABC):
         """(m,) pinion torques that put no torque on the load (equation 3), the larger one 1 N m; zero of one drive."""
         if self.drives == 1:
             return np.zeros(1)
-        return np.array(self.senses) * self.mesh_ratios[::-1] / np.max(self.mesh_ratios)
+        return np.array(self.directions) * self.mesh_ratios[::-1] / np.max(self.mesh_ratios)
 
     def particular(self, torque: ArrayLike) -> Array:
         """Pinion torques of least norm for a torque on the load, the first term of equation (3).

@@ -37,15 +37,15 @@ LOAD_PARAMETERS: Final = (
 """Parameters of the machine; `current_lag` is the time constant of the current loops [s]."""
 
 DRIVE_PARAMETERS: Final = (
-    "sense",
+    "direction",
     "rotor_inertia",
     "rotor_viscous",
     "rotor_coulomb",
-    "half_play",
+    "half_backlash",
     "stall_torque",
     "emf_damping",
 )
-"""Parameters of each drive, referred to the load; `sense` is the required sign of its follower torque."""
+"""Parameters of each drive, referred to the load; `direction` is the required sign of its follower torque."""
 
 REQUIRED_DIRECTION: Final = (-1.0, 1.0)
 """Required signs of D1 and D2: D1 pulls backward (xi1 > 0), D2 forward (xi2 < 0)."""
@@ -56,7 +56,9 @@ def states(drives: int) -> int:
     return 2 + 4 * drives
 
 
-def flank_torque(relative_angle: Any, relative_velocity: Any, *, half_play: Any, stiffness: Any, damping: Any) -> Any:
+def flank_torque(
+    relative_angle: Any, relative_velocity: Any, *, half_backlash: Any, stiffness: Any, damping: Any
+) -> Any:
     """Torque transmitted from a rotor to the load through the gear contact, referred to the load [N m].
 
     Dead zone, spring and damper, clipped to pushing (Nordin, Galic, Gutman 1997): no torque is transmitted within the
@@ -65,13 +67,15 @@ def flank_torque(relative_angle: Any, relative_velocity: Any, *, half_play: Any,
     Args:
         relative_angle: rotor angle less load angle [rad], zero in the middle of the backlash.
         relative_velocity: its derivative [rad/s].
-        half_play: half of the backlash [rad].
+        half_backlash: half of the backlash [rad].
         stiffness: of a flank pair in contact [N m/rad].
         damping: of a flank pair in contact [N m s/rad].
     """
-    forward = ca.fmax(0.0, stiffness * (relative_angle - half_play) + damping * relative_velocity)
-    backward = ca.fmin(0.0, stiffness * (relative_angle + half_play) + damping * relative_velocity)
-    return ca.if_else(relative_angle > half_play, forward, ca.if_else(relative_angle < -half_play, backward, 0.0))
+    forward = ca.fmax(0.0, stiffness * (relative_angle - half_backlash) + damping * relative_velocity)
+    backward = ca.fmin(0.0, stiffness * (relative_angle + half_backlash) + damping * relative_velocity)
+    return ca.if_else(
+        relative_angle > half_backlash, forward, ca.if_else(relative_angle < -half_backlash, backward, 0.0)
+    )
 
 
 def motor_torque(before: Any, command: Any, velocity: Any, *, lag: Any, stall_torque: Any, emf_damping: Any) -> Any:
@@ -142,7 +146,7 @@ def fine_steps(drives: int) -> Any:
             emf_damping=d["emf_damping"],
         )
         passed = flank_torque(
-            q - x, w - v, half_play=d["half_play"], stiffness=p["flank_stiffness"], damping=p["flank_damping"]
+            q - x, w - v, half_backlash=d["half_backlash"], stiffness=p["flank_stiffness"], damping=p["flank_damping"]
         )
         load += passed
         free = w + h / d["rotor_inertia"] * (motor - passed - d["rotor_viscous"] * w)
@@ -150,7 +154,7 @@ def fine_steps(drives: int) -> Any:
         w_next = _rub(free, h / d["rotor_inertia"] * friction)
         rates.append(w_next)
         rotors.append(q + h * w_next)
-        least.append(ca.fmin(least_before, d["sense"] * passed))
+        least.append(ca.fmin(least_before, d["direction"] * passed))
         motors.append(motor)
     stribeck = p["breakaway_excess"] * ca.exp(-((v / p["stribeck_velocity"]) ** 2))
     v_next = _rub(v + h / p["inertia"] * load, h / p["inertia"] * (p["coulomb_friction"] + stribeck))

@@ -40,8 +40,8 @@ class Fleet:
         self._drives, self._fine_step, self._delay = len(first.drives), first.fine_step, first.encoder_delay
         self._torque_map = np.array([r.torque_map for r in rigs])
         self._shaft_map = np.array([np.copysign(r.motor_ratios, r.torque_map) for r in rigs])
-        self._senses = np.array([r.senses for r in rigs])
-        self._half_play = np.array([r.half_play for r in rigs])
+        self._directions = np.array([r.directions for r in rigs])
+        self._half_backlash = np.array([r.half_backlash for r in rigs])
         self._stiffness = np.array([[r.flank_stiffness] for r in rigs])
         self._damping = np.array([[r.flank_damping] for r in rigs])
         self._encoder_noise = np.array([r.encoder_noise for r in rigs])
@@ -102,10 +102,10 @@ class Fleet:
         """(..., B, m) flank torques of states (..., B, S)."""
         m = self._drives
         relative_angle, rate = rows[..., 2 : 2 + m] - rows[..., :1], rows[..., 2 + m : 2 + 2 * m] - rows[..., 1:2]
-        pressed = np.maximum(np.abs(relative_angle) - self._half_play, 0.0)
+        pressed = np.maximum(np.abs(relative_angle) - self._half_backlash, 0.0)
         push = self._stiffness * pressed + self._damping * np.sign(relative_angle) * rate
         passed = np.sign(relative_angle) * np.where(pressed > 0.0, np.maximum(push, 0.0), 0.0)
-        return np.asarray(self._senses * passed)
+        return np.asarray(self._directions * passed)
 
     def least_flank_torques(self, state: FleetState) -> Array:
         """(B, m) least torque of each required flank during the last advance [N m], as in `RigState`."""

@@ -176,7 +176,7 @@ def _own_after(
         elif effect.states in ((State.RELAXED,), (State.RANDOM_WALK,)):
             mine = (effect.slide(mine[0], angles[2] - angles[0]),)
         elif _is_sensor(effect):
-            shown = effect.sense(mine[0], *entering, h)
+            shown = effect.advance_sensor(mine[0], *entering, h)
             entering, mine = (mine[0], (mine[0] + shown) / 2, shown), (shown,)
         else:
             mine = on_the_way.get(effect.name, ())

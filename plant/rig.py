@@ -159,7 +159,7 @@ class Rig:
         return self.gears.torque_map[self._pinions]
 
     @cached_property
-    def senses(self) -> Array:
+    def directions(self) -> Array:
         """(m,) required sign of each drive's follower torque."""
         return np.array(REQUIRED_DIRECTION)[self._pinions]
 
@@ -175,7 +175,7 @@ class Rig:
         return limited * (self.torque_constant * self.motor_ratios) ** 2 / self.winding_resistance
 
     @property
-    def half_play(self) -> Array:
+    def half_backlash(self) -> Array:
         """(m,) half the backlash [rad]."""
         return np.broadcast_to(np.asarray(self.backlash, dtype=np.float64) / 2, (len(self.drives),))
 
@@ -202,11 +202,11 @@ class Rig:
         of_load = {name: getattr(self, name) for name in LOAD_PARAMETERS if hasattr(self, name)}
         of_load["current_lag"] = 1.0 / (2.0 * np.pi * bandwidth) if bandwidth else 0.0
         of_drives = {
-            "sense": self.senses,
+            "direction": self.directions,
             "rotor_inertia": self.rotor_inertias,
             "rotor_viscous": self.motor_viscous * ratios**2,
             "rotor_coulomb": self.motor_coulomb * ratios,
-            "half_play": self.half_play,
+            "half_backlash": self.half_backlash,
             "stall_torque": self.stall_torques,
             "emf_damping": self.emf_damping,
         }
@@ -219,11 +219,11 @@ class Rig:
         The flanks are compressed by pinion torques (m,) [N m] of the required signs [+ -].
         """
         drives = self.torque_map * np.broadcast_to(np.asarray(torques, dtype=np.float64), (len(self.drives),))
-        pressed = np.maximum(self.senses * drives, 0.0)
+        pressed = np.maximum(self.directions * drives, 0.0)
         return RigState(
             angle=float(angle),
             velocity=0.0,
-            rotor_angles=angle + self.senses * (self.half_play + pressed / self.flank_stiffness),
+            rotor_angles=angle + self.directions * (self.half_backlash + pressed / self.flank_stiffness),
             rotor_velocities=np.zeros(len(self.drives)),
             least_flank_torques=pressed,
             drive_torques=drives,
@@ -245,7 +245,7 @@ class Rig:
 
     def energy(self, state: RigState) -> float:
         """Kinetic energy, potential energy of gravity and elastic energy of the flanks [J]."""
-        pressed = np.maximum(np.abs(state.rotor_angles - state.angle) - self.half_play, 0.0)
+        pressed = np.maximum(np.abs(state.rotor_angles - state.angle) - self.half_backlash, 0.0)
         kinetic = self.inertia * state.velocity**2 + float(self.rotor_inertias @ state.rotor_velocities**2)
         height = self.gravity * np.sin(state.angle) - self.gravity_offset * np.cos(state.angle)
         return float(0.5 * kinetic + height + 0.5 * self.flank_stiffness * float(pressed @ pressed))

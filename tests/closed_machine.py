@@ -56,7 +56,7 @@ class Tracking:
 
     rms: float
     worst: float
-    heat: float
+    copper_loss: float
     degraded: int
 
 
@@ -82,6 +82,6 @@ def track(
     return Tracking(
         rms=float(np.sqrt(np.mean(error**2))),
         worst=float(np.max(np.abs(error))),
-        heat=float(np.mean(np.sum(np.square(loop.torques[settled:]), axis=1))),
+        copper_loss=float(np.mean(np.sum(np.square(loop.torques[settled:]), axis=1))),
         degraded=sum(status != "optimal" for status in loop.statuses),
     )

@@ -15,7 +15,7 @@ from typing import Any
 
 from rough_logs import RoughLog
 
-from diagnosis import blind_spots, diagnose
+from diagnosis import diagnose, identifiability_warnings
 from identification.fit import fit
 from identification.fit_result import fit_report, fit_to_dict
 from plant.errors import AntidriveError
@@ -45,7 +45,7 @@ def identified(rough: RoughLog) -> Tried:
 
     def work() -> str:
         found = fit(rough.log())
-        reported = [fit_to_dict(found), fit_report(found), blind_spots(found), found.initial.tolist()]
+        reported = [fit_to_dict(found), fit_report(found), identifiability_warnings(found), found.initial.tolist()]
         if found.failed is not None:
             return f"failed: {found.failed}"
         _all_finite(reported)

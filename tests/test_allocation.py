@@ -104,7 +104,7 @@ def test_equal_gears_give_the_known_copper_loss() -> None:
     result = allocator.allocate(1.0)
     n, teeth_of_pinion = 161 / 20, 20
     preload_torque = result.preload * teeth_of_pinion
-    assert result.heat == pytest.approx((1.0 / n) ** 2 / 2 + 2 * preload_torque**2, rel=1e-6)
+    assert result.copper_loss == pytest.approx((1.0 / n) ** 2 / 2 + 2 * preload_torque**2, rel=1e-6)
     assert result.torques[0] == pytest.approx(0.02)
 
 

@@ -100,7 +100,7 @@ def test_two_drives_agree_as_gears_as_matrix_and_by_both_solvers() -> None:
         gears,
         replace(gears, solver="osqp"),
         Allocator([[-8.05, 8.05]], min_torque=0.02, max_torque=0.3),
-        Allocator(Structure([[-8.05, -8.05]], sense=(1, -1)), min_torque=0.02, max_torque=0.3),
+        Allocator(Structure([[-8.05, -8.05]], directions=(1, -1)), min_torque=0.02, max_torque=0.3),
     ]
     for torque in (-1.0, 0.3, 9.0):
         first, *others = [way.allocate(torque) for way in ways]

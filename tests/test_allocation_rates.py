@@ -133,5 +133,5 @@ def test_the_effort_within_rates_is_the_least_by_another_solver() -> None:
             lambda x: x @ x, result.torques, bounds=[(0.05, 1.0)] * 4, constraints=constraints, options={"ftol": 1e-14}
         )
         assert other.success
-        assert result.heat == pytest.approx(other.fun, abs=1e-7)
+        assert result.copper_loss == pytest.approx(other.fun, abs=1e-7)
     assert tight > 0

@@ -33,7 +33,7 @@ TRAINS = {
 
 def within(train: DriveTrain, torques: np.ndarray, least: np.ndarray, most: np.ndarray) -> bool:
     """Whether every torque (T, m) is in its bounds, to the last bit."""
-    magnitudes = torques * np.array(train.senses)
+    magnitudes = torques * np.array(train.directions)
     return bool(np.all((magnitudes >= (least if train.drives > 1 else -most)) & (magnitudes <= most)))
 
 
@@ -62,7 +62,7 @@ def test_ratios_of_a_gear_train_are_that_gear_train() -> None:
         motors = -1e-4 * k * PAPER.motor_ratios
         controls = [each.step(1e-4 * k, 0.3, motors) for each in (one, other)]
         np.testing.assert_allclose(controls[0].torques, controls[1].torques, rtol=1e-12)
-    for name in ("torque_map", "angle_map", "motor_ratios", "mesh_ratios", "senses"):
+    for name in ("torque_map", "angle_map", "motor_ratios", "mesh_ratios", "directions"):
         np.testing.assert_allclose(getattr(same, name), getattr(teeth, name), rtol=1e-14)
     np.testing.assert_allclose(same.split(1.2, 0.4), teeth.split(1.2, 0.4 / 20), rtol=1e-14)
 
@@ -101,7 +101,7 @@ def test_exported_code_gives_the_torques_of_python(name: str, tmp_path: Path) ->
     header = files["axis_controller.h"]
     assert f"AXIS_DRIVES = {train.drives}," in header
     low = float(header.split("AXIS_TORQUE_1_LOW (")[1].split(")")[0])
-    assert low == (-0.4 if train.senses[0] < 0 or train.drives == 1 else 0.02)
+    assert low == (-0.4 if train.directions[0] < 0 or train.drives == 1 else 0.02)
     assert ("position" in files["README.txt"]) == (axis == "linear")
 
 

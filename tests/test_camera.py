@@ -1,4 +1,4 @@
-"""The camera that follows a target: who errs how much with two drives, at what heat, and that the report is honest."""
+"""The camera that follows a target: errors with two drives, their copper loss, and that the report is honest."""
 
 from __future__ import annotations
 
@@ -203,7 +203,9 @@ def test_the_command_reports_it(tmp_path: Path, capsys: pytest.CaptureFixture[st
     summary = json.loads(capsys.readouterr().out)
     assert len(summary["cases"]) == len(LAWS) * len(TARGETS)
     for case in summary["cases"]:
-        assert case["joule_heat_watts"] == pytest.approx(case["heat"] * 20.0 / (12.3268 * 0.171887) ** 2, rel=1e-4)
+        assert case["joule_heat_watts"] == pytest.approx(
+            case["copper_loss"] * 20.0 / (12.3268 * 0.171887) ** 2, rel=1e-4
+        )
     assert "Tracking error and copper loss" in (tmp_path / "out" / "report.html").read_text()
 
 

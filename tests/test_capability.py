@@ -50,7 +50,7 @@ def test_the_map_is_what_the_allocator_does() -> None:
             assert (one.status == "optimal") == found.reachable[i, k]
             if found.reachable[i, k]:
                 assert found.least_preload[i, k] == pytest.approx(one.preload)
-                assert found.heat[i, k] == pytest.approx(one.heat)
+                assert found.copper_loss[i, k] == pytest.approx(one.copper_loss)
             else:
                 assert np.isnan(found.least_preload[i, k])
                 assert found.margin[i, k] < 0
@@ -73,7 +73,7 @@ def test_preload_costs_about_half_of_the_peak_torque() -> None:
     assert peak == pytest.approx(N * (MOST - LEAST), abs=5e-3)
     assert 0.4 < peak / (2 * N * MOST) < 0.5
     assert found.margin[0, 1000] == pytest.approx(MOST - LEAST)
-    assert found.heat[0, 1000] == pytest.approx(2 * LEAST**2)
+    assert found.copper_loss[0, 1000] == pytest.approx(2 * LEAST**2)
 
 
 def test_the_edge_is_where_the_allocator_gives_up() -> None:

@@ -30,11 +30,11 @@ def test_the_table_is_the_map(command_result):
     assert result.code == 0, result.err
     assert sorted(listing(folder)) == ["capability.csv", "report.html"]
     table = pd.read_csv(folder / "capability.csv")
-    assert list(table.columns) == ["acceleration", "load_torque", "least_preload", "margin", "heat"]
+    assert list(table.columns) == ["acceleration", "load_torque", "least_preload", "margin", "copper_loss"]
     a, load = np.unique(table.acceleration), np.unique(table.load_torque)
     allocator = Allocator(GearTrain.paper(), min_torque=0.01, max_torque=0.25, rotor_inertia=1e-5)
     found = capability_map(allocator, inertia=1.5, acceleration=a, load_torque=load)
-    for name in ("least_preload", "margin", "heat"):
+    for name in ("least_preload", "margin", "copper_loss"):
         drawn = table[name].to_numpy().reshape(a.size, load.size)
         np.testing.assert_allclose(drawn, getattr(found, name), atol=1e-8)
 
@@ -44,7 +44,7 @@ def test_the_numbers_are_those_of_the_map(command_result):
     assert reported["load_torque_at_rest"] == pytest.approx([-MOST, MOST])
     assert reported["acceleration_without_load"] == pytest.approx([-MOST / 1.5, MOST / 1.5])
     assert reported["least_preload_at_rest"] == pytest.approx(0.01 / 20)
-    assert reported["heat_at_rest"] == pytest.approx(2 * 0.01**2)
+    assert reported["copper_loss_at_rest"] == pytest.approx(2 * 0.01**2)
 
 
 def test_words_and_page_agree(tmp_path):
@@ -60,7 +60,7 @@ def test_the_figure_leaves_out_what_is_out_of_reach():
     found = capability_map(allocator, inertia=2.0, acceleration=[-1.0, 0.0, 1.0], load_torque=[-1.0, 0.0, 2.0])
     drawn = [row["map"] for row in capability_figure(found).to_dict()["rows"]]
     assert len(drawn) == 3
-    for trace, values in zip(drawn, (found.least_preload, found.margin, found.heat), strict=True):
+    for trace, values in zip(drawn, (found.least_preload, found.margin, found.copper_loss), strict=True):
         expected = np.where(found.reachable, values, np.nan)
         np.testing.assert_allclose(np.asarray(trace["z"], dtype=float), expected, rtol=1e-3)
         assert np.isnan(expected[2, 2])

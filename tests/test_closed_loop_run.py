@@ -135,7 +135,7 @@ def test_numbers_carry_their_units() -> None:
     error = trial().result.angle - trial().result.reference
     assert numbers["tracking_rms"] == f"{np.sqrt(np.mean(error**2)):.4g} rad"
     assert numbers["least_preload_margin"] == "0.5 N m"
-    assert numbers["heat"].endswith("N² m²")
+    assert numbers["copper_loss"].endswith("N² m²")
     assert numbers["contact_lost"] == "no"
 
 

@@ -100,8 +100,8 @@ def test_more_constant_preload_than_enough_only_adds_copper_loss() -> None:
     assert found().least[0, much, 1] > found().least[0, planned, 1] > 0.0
     assert abs(found().beyond_gapless[0, much, 0]) <= 1
     assert found().error[0, much, 1] == pytest.approx(found().error[0, planned, 1], rel=0.05)
-    assert found().heat[0, much, 1] == pytest.approx(2 * 0.2**2 + found().heat[0, none, 1], rel=0.02)
-    assert found().heat[0, much, 1] > 5.0 * found().heat[0, planned, 1]
+    assert found().copper_loss[0, much, 1] == pytest.approx(2 * 0.2**2 + found().copper_loss[0, none, 1], rel=0.02)
+    assert found().copper_loss[0, much, 1] > 5.0 * found().copper_loss[0, planned, 1]
 
 
 @pytest.mark.long

@@ -14,7 +14,7 @@ import pytest
 from machine import Machine, excitation, record
 
 import diagnosis.experiment.separating as separating
-from diagnosis import Experiment, Limits, rivals_of, separating_experiment
+from diagnosis import Experiment, Limits, competing_fits, separating_experiment
 from diagnosis.experiment.reshaping import rearranged, reshaped
 from diagnosis.experiment.separation import CompetingModel, Trial, noise_factor
 from diagnosis.experiment.signal_design import Design
@@ -105,7 +105,7 @@ def test_it_separates_better_than_a_chirp(pair: str) -> None:
     experiment = designed(pair)
     assert experiment.separable
     assert experiment.separation > 1.3 * experiment.chirp_separation
-    assert set(experiment.rivals) == {PAIRS[pair][0][0], PAIRS[pair][1][0]}
+    assert set(experiment.competing) == {PAIRS[pair][0][0], PAIRS[pair][1][0]}
 
 
 @pytest.mark.parametrize(
@@ -320,7 +320,7 @@ def test_the_file_plays_what_was_designed(tmp_path: Path) -> None:
     with pytest.raises(MalformedLog, match="angle"):
         Log.read(tmp_path / "experiment.csv")
     entry = json.loads(json.dumps(experiment.to_dict()))
-    assert entry["rivals"] == list(experiment.rivals)
+    assert entry["rivals"] == list(experiment.competing)
     assert (entry["duration"], entry["sample_time"]) == pytest.approx((DURATION, SAMPLE_TIME))
     assert entry["expected_log_odds"] > entry["chirp_log_odds"]
 
@@ -404,8 +404,8 @@ def test_competing_models_are_best_sets_with_and_without_a_cause() -> None:
     )
     nothing = SimpleNamespace(effects=(), fit=lag)
     diagnosis: Any = SimpleNamespace(causes=(cause,), sets=(one, other, nothing))
-    assert rivals_of(diagnosis) == (lag, delay)
+    assert competing_fits(diagnosis) == (lag, delay)
     diagnosis.sets = (one, nothing, other)  # against nothing a signal tells no more than a longer log
-    assert rivals_of(diagnosis) is None
+    assert competing_fits(diagnosis) is None
     diagnosis.sets, cause.probability = (one, other, nothing), 0.99
-    assert rivals_of(diagnosis) is None
+    assert competing_fits(diagnosis) is None

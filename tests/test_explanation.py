@@ -173,7 +173,7 @@ def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
     found = late()
     assert found.verdict == "ambiguous"
     experiment = Experiment(
-        rivals=("input_delay", "sensor_lag"),
+        competing=("input_delay", "sensor_lag"),
         time=np.arange(2.0),
         torque=np.zeros(2),
         start=0.0,

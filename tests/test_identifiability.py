@@ -9,7 +9,7 @@ import pytest
 from front_door import DT, TRUTH, columns
 
 from antidrive.demo import record
-from diagnosis import blind_spots, diagnose
+from diagnosis import diagnose, identifiability_warnings
 from identification import Log, Unidentifiable, fit
 from plant import ServoModel, simulate
 from plant.effects import CoulombFriction
@@ -42,7 +42,7 @@ def wave(size: float):
 
 
 def statements(of: Log) -> list[str]:
-    return [sentence.split(":")[0] for sentence in blind_spots(fit(of))]
+    return [sentence.split(":")[0] for sentence in identifiability_warnings(fit(of))]
 
 
 GRAVITY = "Gravity is confounded with a torque offset"
@@ -58,13 +58,13 @@ def test_an_informative_log_has_no_blind_spots():
 
 
 def test_a_load_that_turns_too_little_does_not_show_gravity():
-    (sentence,) = blind_spots(fit(swung(wave(0.05))))
+    (sentence,) = identifiability_warnings(fit(swung(wave(0.05))))
     assert sentence == f"{GRAVITY}: the load turns by 11 degrees only; let it turn by more than 90 degrees."
 
 
 def test_motion_without_reversal_hides_friction_and_dead_zone():
     one_way = 2.5 + 1.2 * np.sin(2 * np.pi * 0.7 * TIME) + 0.4 * np.sin(2 * np.pi * 2.3 * TIME)
-    sentences = blind_spots(fit(played(WHEEL, one_way, skip=300)))
+    sentences = identifiability_warnings(fit(played(WHEEL, one_way, skip=300)))
     assert [sentence.split(":")[0] for sentence in sentences] == [DRY, STICTION, ZONE]
     assert "never turns back; let it move in both directions." in sentences[0]
     assert "is never slower than 3.4 rad/s; let it stop" in sentences[1]
@@ -80,7 +80,7 @@ def test_fast_reversals_show_dry_friction_but_no_stiction():
 
 
 def test_a_torque_within_the_dead_zone_is_to_be_raised():
-    (sentence,) = blind_spots(fit(played(WHEEL, 0.1 * np.sin(2 * np.pi * 0.5 * TIME))))
+    (sentence,) = identifiability_warnings(fit(played(WHEEL, 0.1 * np.sin(2 * np.pi * 0.5 * TIME))))
     assert sentence == (
         "The load does not move: a torque of at most 0.1 N m stays within the dead zone or the dry friction; raise it "
         "until the load moves."

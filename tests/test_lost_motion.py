@@ -123,7 +123,7 @@ def test_a_log_that_does_not_determine_it_is_refused() -> None:
     run = swept(Teeth(), 0).runs[0]
     with pytest.raises(MalformedLog, match="angle_1"):
         lost_motion(Log(runs=(replace(run, drive_angles=None),), axis="rotary"), GEARS)
-    with pytest.raises(Unidentifiable, match="in both senses"):
+    with pytest.raises(Unidentifiable, match="in both directions"):
         lost_motion(Log(runs=(run.slice(0, 500),), axis="rotary"), GEARS)
     assert run.torques is not None
     together = replace(run, torques=np.abs(run.torques))  # both drives push the load the same way

@@ -205,7 +205,7 @@ def test_results_add_up() -> None:
     assert result.torques.shape == result.flank_torques.shape == (100, 2)
     assert len(result.status) == 100
     assert result.reference == pytest.approx(swing(result.time))
-    assert result.heat == pytest.approx(np.mean(result.torques[:, 0] ** 2 + result.torques[:, 1] ** 2))
+    assert result.copper_loss == pytest.approx(np.mean(result.torques[:, 0] ** 2 + result.torques[:, 1] ** 2))
     samples = closed_loop(four_hertz(RIGID, PAPER), RIG, swing(np.arange(140) * 0.005), 0.5, seed=0)
     assert np.array_equal(samples.angle, result.angle)
     assert result.tracking_rms == pytest.approx(np.sqrt(np.mean((result.angle - result.reference) ** 2)), rel=1e-12)

@@ -86,7 +86,7 @@ def test_a_reference_beyond_the_limit_stops_at_the_limit(reference: Callable[[Ar
     assert np.max(follow(four_hertz(RIGID, PAPER), reference)[0][:, 0]) > 0.45
 
 
-@pytest.mark.parametrize("sense", [1.0, -1.0])
+@pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_big_step_keeps_the_speed_limit(sense: float) -> None:
     states, controls = follow(four_hertz(RIGID, PAPER, speed_limit=0.3), lambda time: sense * jump(time), 600)
     assert np.max(np.abs(states[:, 1])) < 0.3 + 1e-6

@@ -24,7 +24,7 @@ def run(runs: int, design: object = BY_FLANK, **options: object) -> MonteCarlo:
 
 
 def same(one: Sweep, other: Sweep) -> bool:
-    names = ("tracking_rms", "least_flank_torque", "degraded", "heat")
+    names = ("tracking_rms", "least_flank_torque", "degraded", "copper_loss")
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
@@ -39,7 +39,7 @@ def test_a_run_is_the_closed_loop_of_its_machine() -> None:
     alone = closed_loop(BY_FLANK(), machine, REFERENCE, 1.0, seed=int(rng.integers(2**63)))
     assert found.tracking_rms[2] == alone.tracking_rms
     assert found.least_flank_torque[2] == alone.least_flank_torque
-    assert found.heat[2] == alone.heat
+    assert found.copper_loss[2] == alone.copper_loss
     assert found.degraded[2] == alone.degraded
 
 

@@ -1,4 +1,4 @@
-"""Moves in minimum time and with least heat, compared with closed forms, finer simulations and the test bench."""
+"""Moves in minimum time and with least copper loss, beside closed forms, finer simulations and the test bench."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from allocation import Bounds, Limits, Structure
-from mpc import Controller, Trajectory, closed_loop, minimum_heat, time_optimal
+from mpc import Controller, Trajectory, closed_loop, minimum_copper_loss, time_optimal
 from plant import BadParameter, GearTrain, Rig, ServoModel, simulate
 from plant.effects import ActuatorLag, Backlash, CoulombFriction, SensorLag, TorqueSaturation
 
@@ -63,12 +63,12 @@ def test_least_time_under_a_speed_limit_is_a_trapezoid(limit: float) -> None:
 
 
 def test_least_copper_loss_keeps_a_speed_limit_and_pays_for_it() -> None:
-    free, held = (minimum_heat(ServoModel(), BOUNDS, 0.0, 0.6, 3.0, speed_limit=v) for v in (np.inf, 0.25))
+    free, held = (minimum_copper_loss(ServoModel(), BOUNDS, 0.0, 0.6, 3.0, speed_limit=v) for v in (np.inf, 0.25))
     assert np.max(free.speed) > 0.28
     assert np.max(held.speed) == pytest.approx(0.25, rel=1e-4)
     assert sound(held, 0.6)
-    assert held.heat > free.heat * 1.002
-    assert minimum_heat(ServoModel(), BOUNDS, 0.0, 0.6, 3.0, speed_limit=0.19).status.startswith("failed")
+    assert held.copper_loss > free.copper_loss * 1.002
+    assert minimum_copper_loss(ServoModel(), BOUNDS, 0.0, 0.6, 3.0, speed_limit=0.19).status.startswith("failed")
 
 
 def test_with_friction_acceleration_takes_longer_than_braking() -> None:
@@ -81,7 +81,7 @@ def test_with_friction_acceleration_takes_longer_than_braking() -> None:
 
 
 def test_least_copper_loss_of_a_double_integrator_is_known() -> None:
-    # With u the torque of the driving pinion minus that of the holding one, seen from the pinion, the heat is
+    # With u the torque of the driving pinion minus that of the holding one, seen from the pinion, the copper loss is
     # m^2 + (m + |u|)^2. The costate p is a line through zero half-way, and u = sign(p) max(|p| - m, 0).
     T, goal = 3.0, 1.0
     t = (np.arange(200_000) + 0.5) / 200_000 * T
@@ -94,33 +94,34 @@ def test_least_copper_loss_of_a_double_integrator_is_known() -> None:
         return float(np.mean(torque(steepness) * (T - t)) * T * N / J)
 
     u = torque(brentq(lambda s: way(s) - goal, LEAST, 10.0))
-    heat = float(np.mean(LEAST**2 + (LEAST + np.abs(u)) ** 2) * T)
-    move = minimum_heat(PURE, BOUNDS, 0.0, goal, T)
+    loss = float(np.mean(LEAST**2 + (LEAST + np.abs(u)) ** 2) * T)
+    move = minimum_copper_loss(PURE, BOUNDS, 0.0, goal, T)
     assert sound(move, goal)
-    assert move.heat == pytest.approx(heat, rel=1e-4)
-    assert move.heat == pytest.approx(float(np.sum(move.torques**2) * T / 100))
+    assert move.copper_loss == pytest.approx(loss, rel=1e-4)
+    assert move.copper_loss == pytest.approx(float(np.sum(move.torques**2) * T / 100))
     assert PAPER.follower_torque(move.torques) == pytest.approx(N * u.reshape(100, -1).mean(axis=1), abs=0.01)
 
 
 def test_least_loss_move_in_least_time_is_bang_bang() -> None:
     quick = time_optimal(ServoModel(), BOUNDS, 0.0, 0.5)
-    heats = [
-        minimum_heat(ServoModel(), BOUNDS, 0.0, 0.5, share * quick.duration).heat for share in (1 + 1e-6, 1.2, 1.5)
+    losses = [
+        minimum_copper_loss(ServoModel(), BOUNDS, 0.0, 0.5, share * quick.duration).copper_loss
+        for share in (1 + 1e-6, 1.2, 1.5)
     ]
-    assert heats[0] == pytest.approx(quick.heat, rel=0.005)
-    assert heats[0] > heats[1] > heats[2]
+    assert losses[0] == pytest.approx(quick.copper_loss, rel=0.005)
+    assert losses[0] > losses[1] > losses[2]
 
 
 def test_flank_torque_is_a_bound_of_its_own() -> None:
     # gravity accelerates the load, both drives are near their minimum torque, and heavy rotors take more than that
     load = ServoModel(inertia=4.0, gravity=1.5)
-    held, careless = minimum_heat(load, HEAVY, 0.0, -1.0, 3.0), minimum_heat(load, BOUNDS, 0.0, -1.0, 3.0)
+    held, careless = minimum_copper_loss(load, HEAVY, 0.0, -1.0, 3.0), minimum_copper_loss(load, BOUNDS, 0.0, -1.0, 3.0)
     assert sound(held, -1.0, HEAVY)
     assert held.margin < 1e-6
     h = careless.duration / 100
     acceleration = np.diff(careless.speed) / h
     assert float(np.min(HEAVY.margin(careless.torques, acceleration))) < -0.01
-    assert held.heat > careless.heat * 1.005
+    assert held.copper_loss > careless.copper_loss * 1.005
 
 
 @pytest.mark.parametrize(
@@ -132,7 +133,7 @@ def test_flank_torque_is_a_bound_of_its_own() -> None:
     ],
 )
 def test_a_finer_simulation_comes_to_the_goal(model: ServoModel, start: float, goal: float, miss: float) -> None:
-    for move in (time_optimal(model, HEAVY, start, goal), minimum_heat(model, HEAVY, start, goal, 4.0)):
+    for move in (time_optimal(model, HEAVY, start, goal), minimum_copper_loss(model, HEAVY, start, goal, 4.0)):
         assert sound(move, goal, HEAVY, miss)
         states = simulate(
             model,
@@ -162,7 +163,7 @@ def test_feed_forward_leaves_lags_and_sensor_errors_out() -> None:
 
 
 def test_too_short_a_time_is_reported() -> None:
-    move = minimum_heat(PURE, BOUNDS, 0.0, 1.0, 1.0, intervals=20)
+    move = minimum_copper_loss(PURE, BOUNDS, 0.0, 1.0, 1.0, intervals=20)
     assert move.status.startswith("failed: Infeasible")
     assert abs(move.miss[0]) > 0.1
     assert np.all(BOUNDS.structure.signs * move.torques >= LEAST)
@@ -202,4 +203,4 @@ def test_the_rig_follows_a_move_without_loss_of_contact() -> None:
 def test_refuses_what_is_no_move(wrong: dict[str, object]) -> None:
     right = {"model": ServoModel(), "bounds": BOUNDS, "start": 0.0, "goal": 1.0, "duration": 3.0}
     with pytest.raises(BadParameter):
-        minimum_heat(**{**right, **wrong})  # type: ignore[arg-type]
+        minimum_copper_loss(**{**right, **wrong})  # type: ignore[arg-type]

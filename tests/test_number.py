@@ -9,7 +9,7 @@ import pytest
 
 from allocation import Allocator, Bounds
 from mpc import Controller
-from mpc.trajectory import minimum_heat
+from mpc.trajectory import minimum_copper_loss
 from plant import BadParameter, GearTrain, ModelFile, Rig, ServoModel, simulate
 from plant.effects import CoulombFriction
 
@@ -52,4 +52,4 @@ def test_what_is_no_count_is_refused(value: object) -> None:
         with pytest.raises(BadParameter, match="whole number"):
             Controller(ServoModel.paper(), GEARS, horizon=value)
     with pytest.raises(BadParameter, match="whole number"):
-        minimum_heat(ServoModel.paper(), LIMITS, 0.0, 1.0, 5.0, intervals=value)
+        minimum_copper_loss(ServoModel.paper(), LIMITS, 0.0, 1.0, 5.0, intervals=value)

@@ -121,7 +121,7 @@ def test_a_result_writes_its_page(name, results, tmp_path):
 def test_the_page_of_a_loop_has_its_numbers(results, tmp_path):
     loop = results["loop"]
     words = Text(loop.report(tmp_path / "loop.html").read_text(encoding="utf-8")).words
-    for number in (loop.tracking_rms, loop.least_flank_torque, loop.heat):
+    for number in (loop.tracking_rms, loop.least_flank_torque, loop.copper_loss):
         assert f"{number:.4g}" in words
     assert f"{loop.time.size - loop.degraded} of {loop.time.size} samples were optimal." in words
 

@@ -30,20 +30,20 @@ def sine_torques(rig: Rig, amplitude: float, preload: float, count: int = 200) -
 @given(
     gap=st.floats(-2e-3, 2e-3),
     rate=st.floats(-50, 50),
-    half_play=st.floats(0, 1e-3),
+    half_backlash=st.floats(0, 1e-3),
     damping=st.floats(0, 100),
 )
-def test_a_flank_pushes_and_never_pulls(gap: float, rate: float, half_play: float, damping: float) -> None:
-    torque = float(flank_torque(gap, rate, half_play=half_play, stiffness=2e4, damping=damping))
-    if abs(gap) <= half_play:
+def test_a_flank_pushes_and_never_pulls(gap: float, rate: float, half_backlash: float, damping: float) -> None:
+    torque = float(flank_torque(gap, rate, half_backlash=half_backlash, stiffness=2e4, damping=damping))
+    if abs(gap) <= half_backlash:
         assert torque == 0.0
     else:
         assert torque * gap >= 0.0
 
 
 def test_a_pressed_flank_is_a_spring() -> None:
-    assert float(flank_torque(1.5e-3, 0.0, half_play=1e-3, stiffness=2e4, damping=6.0)) == pytest.approx(10.0)
-    assert float(flank_torque(-1.5e-3, 0.0, half_play=1e-3, stiffness=2e4, damping=6.0)) == pytest.approx(-10.0)
+    assert float(flank_torque(1.5e-3, 0.0, half_backlash=1e-3, stiffness=2e4, damping=6.0)) == pytest.approx(10.0)
+    assert float(flank_torque(-1.5e-3, 0.0, half_backlash=1e-3, stiffness=2e4, damping=6.0)) == pytest.approx(-10.0)
 
 
 def test_under_preload_it_moves_like_one_rigid_body() -> None:
@@ -98,7 +98,7 @@ def test_flank_torques_of_a_state_are_those_of_the_fine_step() -> None:
             flank_torque(
                 state.rotor_angles[i] - 0.1,
                 state.rotor_velocities[i] - 0.2,
-                half_play=rig.backlash / 2,
+                half_backlash=rig.backlash / 2,
                 stiffness=rig.flank_stiffness,
                 damping=rig.flank_damping,
             )

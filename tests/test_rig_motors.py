@@ -122,7 +122,7 @@ def test_each_drive_has_its_own_backlash() -> None:
         at, k = state, 0
         while (
             abs(at.rotor_angles[drive] - state.rotor_angles[drive] - (at.angle - state.angle))
-            < rig.half_play[drive] * 2
+            < rig.half_backlash[drive] * 2
         ):
             at, k = rig.advance(at, (-free[0], -free[1]), 1e-4), k + 1
         times.append(k * 1e-4)
@@ -135,7 +135,7 @@ def test_unequal_pinions_keep_their_own_ratio() -> None:
     rig = Rig(gears=gears, inertia=2.0, rotor_inertia=1e-3, drives=(2, 1, 2))
     assert rig.motor_ratios == pytest.approx([161 / 31, 161 / 20, 161 / 31])
     assert rig.torque_map == pytest.approx([-161 / 31, -161 / 20, -161 / 31])
-    assert rig.senses.tolist() == [1.0, -1.0, 1.0]
+    assert rig.directions.tolist() == [1.0, -1.0, 1.0]
 
 
 @pytest.mark.parametrize("delay", [0.0013, 0.005, 0.0117])

@@ -39,7 +39,7 @@ def test_a_step_of_almost_no_length_keeps_the_measurement(h: float) -> None:
     rng = np.random.default_rng(0)
     for x, v in rng.uniform(-50.0, 50.0, size=(500, 2)):
         state, after = x - 0.007 * v, x + h * v
-        shown = float(SensorLag(time_constant=0.007).sense(state, x, (x + after) / 2.0, after, h))
+        shown = float(SensorLag(time_constant=0.007).advance_sensor(state, x, (x + after) / 2.0, after, h))
         assert shown == pytest.approx(state + h * v, abs=1e-10)
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from allocation import Structure, admissible, admissible_senses, enumerate_admissible, null_space
+from allocation import Structure, admissible, admissible_directions, enumerate_admissible, null_space
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 
@@ -103,12 +103,12 @@ def test_structures_that_are_not_admissible(A: list[list[float]], why: str) -> N
 
 @pytest.mark.parametrize("A", [[[1, 2], [3]], [1.0, 2.0], [[np.nan, 1]], [["a", "b"]], []])
 def test_a_structure_is_a_matrix_of_numbers(A: object) -> None:
-    for ask in (admissible, null_space, admissible_senses, Structure):
+    for ask in (admissible, null_space, admissible_directions, Structure):
         with pytest.raises(BadParameter):
             ask(A)  # type: ignore[operator]
 
 
-# The null space, and the senses of a given machine.
+# The null space, and the directions of a given machine.
 
 
 @settings(deadline=None)
@@ -132,21 +132,23 @@ def test_the_null_space_of_the_paper_is_its_direction_of_preload() -> None:
 
 
 def test_the_paper_has_two_senses() -> None:
-    assert [s.tolist() for s in admissible_senses([PAPER.torque_map])] == [[1, -1], [-1, 1]]
+    assert [s.tolist() for s in admissible_directions([PAPER.torque_map])] == [[1, -1], [-1, 1]]
 
 
 def test_senses_are_the_signs_of_null_vectors() -> None:
     rng = np.random.default_rng(5)
     A = rng.normal(size=(2, 4))
-    listed = {tuple(s.tolist()) for s in admissible_senses(A)}
+    listed = {tuple(s.tolist()) for s in admissible_directions(A)}
     seen = {tuple(np.sign(null_space(A) @ rng.normal(size=2)).astype(int).tolist()) for _ in range(2000)}
     assert seen == listed
-    assert admissible_senses([[1, 1, 0]]) == []
+    assert admissible_directions([[1, 1, 0]]) == []
     with pytest.raises(BadParameter, match="12"):
-        admissible_senses(np.ones((1, 13)))
+        admissible_directions(np.ones((1, 13)))
 
 
-@pytest.mark.parametrize("bad", [{"sense": (1, 2)}, {"sense": (1,)}, {"reduction": 0.0}, {"reduction": np.inf}])
+@pytest.mark.parametrize(
+    "bad", [{"directions": (1, 2)}, {"directions": (1,)}, {"reduction": 0.0}, {"reduction": np.inf}]
+)
 def test_a_structure_checks_its_fields(bad: dict[str, object]) -> None:
     with pytest.raises(BadParameter):
         Structure([[1.0, -1.0]], **bad)  # type: ignore[arg-type]

@@ -102,7 +102,7 @@ def sentences_of(settings: CameraSettings, found: Tracked) -> Outcome:
                     "tracking_rms": errors[law, kind].value,
                     "tracking_rms_half_interval": errors[law, kind].half,
                     "largest_error": float(found.peak[a, b].max()),
-                    "heat": float(found.heat[a, b].mean()),
+                    "copper_loss": float(found.copper_loss[a, b].mean()),
                     "joule_heat_watts": float(found.watts[a, b].mean()),
                     "least_flank_torque": float(found.least[a, b].min()),
                 }

@@ -109,7 +109,7 @@ class Tracked:
         laws: the sized preload laws.
         rms: (L, K, S) root mean square of load less target [rad].
         peak: (L, K, S) its greatest magnitude [rad].
-        heat: (L, K, S) mean of the sum of xi_i^2 [N^2 m^2].
+        copper_loss: (L, K, S) mean of the sum of xi_i^2 [N^2 m^2].
         watts: (L, K, S) mean copper loss [W].
         least: (L, K, S) minimum flank torque of two drives [N m], follower side; of one drive, zero or less if contact
             was lost.
@@ -121,7 +121,7 @@ class Tracked:
     laws: PreloadLaws
     rms: Array
     peak: Array
-    heat: Array
+    copper_loss: Array
     watts: Array
     least: Array
     time: Array
@@ -146,7 +146,7 @@ def experiment(settings: CameraSettings, seed: int, tell: Tell | None = None) ->
     shown = paths[list(TARGETS)[-1], 0][:count]
     return Tracked(
         laws=laws,
-        **{name: merged[name].reshape(shape) for name in ("rms", "peak", "heat", "watts", "least")},
+        **{name: merged[name].reshape(shape) for name in ("rms", "peak", "copper_loss", "watts", "least")},
         time=np.arange(count, dtype=np.float64) * settings.sample_time,
         wanted=shown,
         error=merged["error"].reshape(*shape, count)[:, -1, 0],
@@ -242,7 +242,7 @@ def _followed(
     return {
         "rms": np.sqrt(np.mean(error[:, late] ** 2, axis=1)),
         "peak": np.max(np.abs(error[:, late]), axis=1),
-        "heat": np.mean(np.sum(pinions[:, late] ** 2, axis=2), axis=1),
+        "copper_loss": np.mean(np.sum(pinions[:, late] ** 2, axis=2), axis=1),
         "watts": np.mean(joule(rig, pinions[:, late]), axis=1),
         "least": least,
         "error": error,

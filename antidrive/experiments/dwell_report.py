@@ -23,7 +23,8 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
     for f, frequency in enumerate(settings.frequencies):
         for s, strategy in enumerate(names):
             counts = " ".join(f"{count:.0f}" for count in found.samples[f, s])
-            rows.append((f"{strategy}, {frequency:g} Hz", "", f"{counts}, {np.mean(found.heat[f, s]):.3g} N² m²"))
+            loss = np.mean(found.copper_loss[f, s])
+            rows.append((f"{strategy}, {frequency:g} Hz", "", f"{counts}, {loss:.3g} N² m²"))
             numbers.append(
                 {
                     "strategy": strategy,
@@ -32,7 +33,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
                     "dwell": found.samples[f, s].tolist(),
                     "tracking_rms": found.error[f, s].tolist(),
                     "least_flank_torque": found.least[f, s].tolist(),
-                    "heat": found.heat[f, s].tolist(),
+                    "copper_loss": found.copper_loss[f, s].tolist(),
                 }
             )
     faster = len(settings.frequencies) > 1
@@ -43,11 +44,11 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
         for s, name in enumerate(names)
         if settings.strategies[name]
     }
-    heats = found.heat.mean(axis=(0, 2))
+    losses = found.copper_loss.mean(axis=(0, 2))
     constant = "; ".join(
         f"{settings.strategies[name]:g} N m "
         + (f"loses contact at {', '.join(f'{f:g}' for f in at)} Hz" if at else "keeps contact")
-        + f" at {heats[names.index(name)] / heats[planned]:.2g} times the copper loss"
+        + f" at {losses[names.index(name)] / losses[planned]:.2g} times the copper loss"
         for name, at in parts_at.items()
     )
     return Outcome(
@@ -86,7 +87,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
             "planned_differs_at_most": float(np.max(np.abs(beyond[:, planned]))),
             "planned_contact_lost": parted,
             "constant_preload_parts_at": parts_at,
-            "heat_over_planned": {name: float(heats[s] / heats[planned]) for s, name in enumerate(names)},
+            "copper_loss_over_planned": {name: float(losses[s] / losses[planned]) for s, name in enumerate(names)},
         },
         columns={
             "time": found.time,

@@ -26,10 +26,10 @@ class PreloadLaws:
     """Laws of the preload p, the torque of each pinion without load, over the follower torque tau.
 
         constant         p is enough for the peak: n p >= |J_L a + tau_L|/2 + n (T_min + f)   (equal split)
-        of equal heat    p such that the heat equals that of least effort
+        of equal loss    p such that the copper loss equals that of least effort
         load-dependent   p = max(p0 - |tau|/(2 n), 0): high without load; it decreases as the load itself keeps one
                          mesh in contact, until both drives share (inverse law of the Deep Space Network's antennas;
-                         Gawronski et al., IEEE Antennas and Propagation Magazine 42(6), 2000); p0 by its heat
+                         Gawronski et al., IEEE Antennas and Propagation Magazine 42(6), 2000); p0 by its loss
         least effort     `allocation.least_effort` with every flank kept above T_min
 
     Attributes:
@@ -50,12 +50,12 @@ class PreloadLaws:
         ratio = float(bounds.gears.mesh_ratios[0])
         rotors = float(np.sum(bounds.rotor_inertias * bounds.gears.motor_ratios**2))
         load = np.max(np.abs(torque - rotors * acceleration))
-        heat = float(np.mean(np.sum(least_effort(bounds, torque, acceleration) ** 2, axis=1)))
+        loss = float(np.mean(np.sum(least_effort(bounds, torque, acceleration) ** 2, axis=1)))
 
         def same_heat(law: Callable[[Array, float], Array]) -> float:
             def surplus(preload: float) -> float:
                 torques = _split(bounds, torque, law(torque, preload))
-                return float(np.mean(np.sum(torques**2, axis=1))) - heat
+                return float(np.mean(np.sum(torques**2, axis=1))) - loss
 
             return float(brentq(surplus, 0.0, 2.0 * float(np.max(bounds.greatest))))
 

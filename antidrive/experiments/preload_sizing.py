@@ -198,7 +198,7 @@ class _Loop:
     def flanks(self, preload: Array) -> Array:
         """(T, B, 2) least torque of the required flanks in each sample [N m], for preloads (B,) [N m]."""
         fleet, rig, dt = self._fleet, self._fleet.rigs[0], self._dt
-        held = preload[:, None] * rig.senses
+        held = preload[:, None] * rig.directions
         state = fleet.rest(torques=(held + self._shares * self._feed[0]) / rig.torque_map)
         before, rate = np.zeros(len(fleet)), np.zeros(len(fleet))
         start = np.mean(fleet.motor_angles(state) / -rig.motor_ratios, axis=1)

@@ -94,7 +94,7 @@ class Dwell:
         samples: (F, S, G) dwell [samples].
         error: (F, S, G) rms of load angle less reference [rad].
         least: (F, S, G) minimum flank torque [N m], follower side.
-        heat: (F, S, G) mean of the sum of xi_i^2 [N^2 m^2].
+        copper_loss: (F, S, G) mean of the sum of xi_i^2 [N^2 m^2].
         time: (T,) of the slowest motion, in samples [s].
         angle: (T, S, G) measured load angle in it [rad].
         reference: (T,) [rad].
@@ -103,7 +103,7 @@ class Dwell:
     samples: Array
     error: Array
     least: Array
-    heat: Array
+    copper_loss: Array
     time: Array
     angle: Array
     reference: Array
@@ -144,15 +144,16 @@ def experiment(settings: DwellSettings, seed: int, tell: Tell | None = None) -> 
         for frequency in settings.frequencies
     ]
     slowest = results[int(np.argmin(settings.frequencies))]
-    samples, error, least, heat = (
-        np.array([[result[name] for result in row] for row in results]) for name in ("dwell", "error", "least", "heat")
+    samples, error, least, copper_loss = (
+        np.array([[result[name] for result in row] for row in results])
+        for name in ("dwell", "error", "least", "copper_loss")
     )
     time = np.arange(len(slowest[0]["angle"]), dtype=np.float64) * settings.sample_time
     return Dwell(
         samples=samples,
         error=error,
         least=least,
-        heat=heat,
+        copper_loss=copper_loss,
         time=time,
         angle=np.stack([result["angle"] for result in slowest], axis=1),
         reference=settings.amplitude * (1.0 - np.cos(2.0 * np.pi * min(settings.frequencies) * time)),
@@ -176,7 +177,7 @@ def _simulated(settings: DwellSettings, frequency: float, strategy: str, seed: i
     noise = np.random.default_rng(seed).standard_normal((time.size, len(fleet)))
     state, lag = fleet.rest(torques=split(0.0, 0.0)), 3
     at_rest = _motor_side(fleet, fleet.motor_angles(state))
-    angle, motors, least, heat = [], [], np.full(len(fleet), np.inf), np.zeros(len(fleet))
+    angle, motors, least, loss = [], [], np.full(len(fleet), np.inf), np.zeros(len(fleet))
     for k in range(time.size):
         angle.append(fleet.measure(state, noise[k]))
         motors.append(_motor_side(fleet, fleet.motor_angles(state)) - at_rest)
@@ -187,7 +188,7 @@ def _simulated(settings: DwellSettings, frequency: float, strategy: str, seed: i
         state = fleet.advance(state, pinions, dt)
         if time[k] > FROM / frequency:
             least = np.minimum(least, fleet.least_flank_torques(state).min(axis=1))
-            heat += np.sum(pinions**2, axis=1)
+            loss += np.sum(pinions**2, axis=1)
         parts.done()
     read = np.array(angle)[::TICKS]
     late = time[::TICKS] > FROM / frequency
@@ -195,7 +196,7 @@ def _simulated(settings: DwellSettings, frequency: float, strategy: str, seed: i
         "dwell": np.array([dwell(column, settings.band) for column in read[late].T], dtype=np.float64),
         "error": np.sqrt(np.mean((read - wanted[::TICKS, None])[late] ** 2, axis=0)),
         "least": least,
-        "heat": heat / np.sum(time > FROM / frequency),
+        "copper_loss": loss / np.sum(time > FROM / frequency),
         "angle": read,
     }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from diagnosis.experiment.separating import Experiment, rivals_of, separating_experiment
+from diagnosis.experiment.separating import Experiment, competing_fits, separating_experiment
 from diagnosis.experiment.signal_design import Limits
 
-__all__ = ["Experiment", "Limits", "rivals_of", "separating_experiment"]
+__all__ = ["Experiment", "Limits", "competing_fits", "separating_experiment"]

@@ -22,7 +22,7 @@ from plant.effects.effect import Array, Axis
 from plant.errors import BadParameter
 from plant.file_format import check_format
 
-__all__ = ["Experiment", "Limits", "rivals_of", "separating_experiment"]
+__all__ = ["Experiment", "Limits", "competing_fits", "separating_experiment"]
 
 _DURATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # tried by default, at 5 ms [s]
 _CONVINCING = 5.0  # least expected log odds of a useful experiment
@@ -35,7 +35,7 @@ class Experiment:
     """A torque signal that distinguishes two competing models.
 
     Attributes:
-        rivals: for each model, names of the effects that the other does not have.
+        competing: for each model, names of the effects that the other does not have.
         time: (T,) [s].
         torque: (T,) command, held over each sample [N m; N].
         start: angle of rest at the start of the experiment [rad; m].
@@ -50,7 +50,7 @@ class Experiment:
         axis: "rotary" or "linear".
     """
 
-    rivals: tuple[str, str]
+    competing: tuple[str, str]
     time: Array
     torque: Array
     start: float
@@ -92,7 +92,7 @@ class Experiment:
     def to_dict(self, file: str = "separating_experiment.csv") -> dict[str, Any]:
         """Its entry in diagnosis.json."""
         return {
-            "rivals": list(self.rivals),
+            "rivals": list(self.competing),
             "duration": self.duration,
             "sample_time": self.sample_time,
             "start": self.start,
@@ -105,7 +105,7 @@ class Experiment:
 
     def __str__(self) -> str:
         """The signal and its expected log-likelihood difference."""
-        first, second = self.rivals
+        first, second = self.competing
         if not self.separable:
             return (
                 f"No signal of {self.duration:.3g} s within the limits distinguishes {first} from {second}. The "
@@ -171,7 +171,7 @@ def separating_experiment(
     best = _shortest(lasting, ladder, seed) if duration is None else lasting(duration).best(seed)
     chirp = lasting(best.torque.size * sample_time).plain_chirp()
     return Experiment(
-        rivals=_names(first, second),
+        competing=_names(first, second),
         time=np.arange(best.torque.size, dtype=float) * sample_time,
         torque=best.torque,
         start=start,
@@ -227,7 +227,7 @@ def _names(first: Fit, second: Fit) -> tuple[str, str]:
     return only(mine, theirs), only(theirs, mine)
 
 
-def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
+def competing_fits(diagnosis: Findings) -> tuple[Fit, Fit] | None:
     """The fits of the most probable sets with and without the first uncertain cause; None without one.
 
     Also None if the set without the cause has no competing effect: then no signal is better than a longer log.

@@ -118,7 +118,7 @@ def _need_both_flanks(samples: FlankSamples) -> None:
                 way = "grows" if loading else "falls"
                 raise Unidentifiable(
                     f"the torque on flank {flank:+.0f} of each drive {way} in only {found} samples: sweep the preload "
-                    "up and down in both senses, and let the load move more slowly than the sweep."
+                    "up and down in both directions, and let the load move more slowly than the sweep."
                 )
     if np.ptp(samples.measured) == 0.0:
         raise Unidentifiable(

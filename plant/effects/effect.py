@@ -224,7 +224,7 @@ class Effect:
         """Output of the sensor for the input `angle` [rad]."""
         return angle
 
-    def sense(
+    def advance_sensor(
         self, state: Expression, before: Expression, middle: Expression, after: Expression, h: Expression
     ) -> Expression:
         """A sensor's state after `h`, while its input went from `before` over `middle` to `after`."""

@@ -25,7 +25,7 @@ class SensorLag(Effect):
 
     time_constant: float = parameter("s", "time constant", lower=POSITIVE, lag=True)
 
-    def sense(
+    def advance_sensor(
         self, state: Expression, before: Expression, middle: Expression, after: Expression, h: Expression
     ) -> Expression:
         """Exact for an angle on a parabola, as of a load under a constant torque."""
