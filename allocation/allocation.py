@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.result_display import Tabled
+
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Allocation:
+class Allocation(Tabled):
     """Torques allocated to the drives, with the certificate of optimality.
 
     Attributes:
@@ -41,6 +43,11 @@ class Allocation:
     primal_residual: float
     dual_residual: float
     duality_gap: float
+
+    def __repr__(self) -> str:
+        """Torques and status in one line."""
+        torques = ", ".join(f"{torque:.4g}" for torque in self.torques)
+        return f"Allocation({torques} N m, margin {self.margin:.4g} N m, {self.status})"
 
     def is_optimal(self, tol: float) -> bool:
         """Whether the demand is met with least effort within `tol`, with torques in units of the greatest torque."""

@@ -83,6 +83,8 @@ def summary(found: CapabilityMap, units: Units = ROTARY) -> dict[str, Any]:
 
 def sentences(found: CapabilityMap, units: Units = ROTARY) -> list[str]:
     """The key numbers in sentences."""
+    if not found.reachable[np.argmin(np.abs(found.acceleration))].any():
+        return ["At rest the drives hold none of these load torques without losing contact."]
     data = summary(found)
     (least, most), (slowest, fastest) = data["load_torque_at_rest"], data["acceleration_without_load"]
     return [

@@ -12,11 +12,16 @@ from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.model_comparison import Comparison
 from antidrive.prediction import Prediction, quantity
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.experiment import Experiment
 from identification.fit_result import Fit
 from identification.friction_test import FrictionTest
 from identification.log import Log
 from identification.simulation import free_simulation
+from mpc.analysis import LoopAnalysis
+from mpc.bode import draw_bode
 from mpc.closed_loop import ClosedLoopResult
+from mpc.monte_carlo import Sweep
+from mpc.trajectory import Trajectory
 from plant.drive_table import DriveTable
 from plant.errors import BadParameter
 from plant.units import axis_quantities
@@ -133,6 +138,36 @@ def _draw_loop(found: ClosedLoopResult, axes: Any) -> None:
     _label(axes[3], y=f"contact {torque} [{newton}]", x="time [s]")
 
 
+def _draw_trajectory(found: Trajectory, axes: Any) -> None:
+    """Angle, velocity, and the torques of the drives."""
+    axes[0].plot(found.time, found.angle, color=AFTER)
+    axes[1].plot(found.time, found.speed, color=AFTER)
+    for number, (colour, course) in enumerate(zip((SECOND, THIRD), found.torques.T, strict=False), start=1):
+        axes[2].stairs(course, found.time, baseline=None, color=colour, label=f"drive {number}")
+    axes[2].legend(frameon=False)
+    _label(axes[0], y="angle [rad]")
+    _label(axes[1], y="velocity [rad/s]")
+    _label(axes[2], y="drive torque [N m]", x="time [s]")
+
+
+def _draw_sweep(found: Sweep, axes: Any) -> None:
+    """One point for each loop: its contact torque over its error."""
+    axes[0].plot(found.tracking_rms, found.least_flank_torque, ".", color=AFTER)
+    axes[0].axhline(0.0, color=MEASURED, ls=":", lw=0.8)
+    _label(axes[0], x="tracking error [rad rms]", y="minimum contact torque [N m]")
+
+
+def _draw_experiment(found: Experiment, axes: Any) -> None:
+    """The command, and what each of the competing models predicts."""
+    angle, length, torque, newton = axis_quantities(found.axis)
+    axes[0].plot(found.time, found.torque, color=MEASURED)
+    for name, colour, predicted in zip(found.competing, (SECOND, THIRD), found.predictions, strict=True):
+        axes[1].plot(found.time, predicted, color=colour, label=name)
+    axes[1].legend(frameon=False)
+    _label(axes[0], y=f"{torque} [{newton}]")
+    _label(axes[1], y=f"{angle} [{length}]", x="time [s]")
+
+
 def _label(axes: Any, *, x: str = "", y: str = "") -> None:
     axes.set(xlabel=x, ylabel=y)
     axes.spines[["top", "right"]].set_visible(False)
@@ -148,5 +183,9 @@ _PICTURES: dict[type, tuple[int, Callable[[Any, Any], None]]] = {
     DriveTable: (1, _draw_table),
     CapabilityMap: (1, _draw_capability),
     ClosedLoopResult: (4, _draw_loop),
+    Trajectory: (3, _draw_trajectory),
+    Sweep: (1, _draw_sweep),
+    LoopAnalysis: (2, draw_bode),
+    Experiment: (2, _draw_experiment),
 }
 """Number of axes for the figure of a result, and the function that draws in them."""

@@ -7,8 +7,10 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from allocation import CapabilityMap
-from antidrive.capability import table
+import numpy as np
+
+from allocation import Allocation, CapabilityMap
+from antidrive.capability import sentences, table
 from antidrive.matplotlib_plots import plot as plot
 from antidrive.model_comparison import Comparison
 from antidrive.output import PAGES, whole_file
@@ -16,11 +18,16 @@ from antidrive.prediction import Prediction
 from antidrive.prediction import table as predicted_table
 from antidrive.provenance import Provenance
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.experiment import Experiment
 from identification.fit_result import Fit
 from identification.friction_test import FrictionTest
 from identification.log import Log, Source
+from identification.lost_motion import LostMotion
 from identification.simulation import free_simulation
+from mpc.analysis import LoopAnalysis
 from mpc.closed_loop import ClosedLoopResult
+from mpc.monte_carlo import MonteCarlo, Sweep
+from mpc.trajectory import Trajectory
 from plant.drive_table import DriveTable
 from plant.errors import BadParameter
 from plant.servo import ServoModel
@@ -96,6 +103,85 @@ def _(result: ClosedLoopResult) -> Any:
         **{f"flank_torque_{i}": newton for i in drives},
         "disturbance_estimate": newton,
     }
+    return frame
+
+
+@to_frame.register
+def _(result: Allocation) -> Any:
+    """One row per drive."""
+    import pandas as pd
+
+    drives = pd.RangeIndex(1, result.torques.size + 1, name="drive")
+    frame = pd.DataFrame({"torque": result.torques, "least_torque": result.floor}, index=drives)
+    frame.attrs["units"] = dict.fromkeys(frame.columns, "N m")
+    return frame
+
+
+@to_frame.register
+def _(result: Trajectory) -> Any:
+    """One row per instant; the torques act from there to the next, and are empty at the end."""
+    import pandas as pd
+
+    torques = np.vstack((result.torques, np.full((1, result.torques.shape[1]), np.nan)))
+    columns = {"time": result.time, "angle": result.angle, "velocity": result.speed}
+    columns |= {f"torque_{drive}": values for drive, values in enumerate(torques.T, start=1)}
+    frame = pd.DataFrame(columns)
+    frame.attrs["units"] = {"time": "s", "angle": "rad", "velocity": "rad/s"}
+    frame.attrs["units"] |= dict.fromkeys(frame.columns[3:], "N m")
+    return frame
+
+
+@to_frame.register
+def _(result: Sweep) -> Any:
+    """One row per loop, with the factors of the machine that were drawn."""
+    import pandas as pd
+
+    names = ("tracking_rms", "least_flank_torque", "degraded", "copper_loss")
+    drawn = dict(zip(result.names, result.factors.T, strict=True)) if isinstance(result, MonteCarlo) else {}
+    frame = pd.DataFrame({**{name: getattr(result, name) for name in names}, **drawn})
+    frame.attrs["units"] = dict(zip(names, ("rad", "N m", "samples", "N^2 m^2"), strict=True))
+    return frame
+
+
+@to_frame.register
+def _(result: LoopAnalysis) -> Any:
+    """The frequency response: magnitudes of L, S and T, and the phase of L."""
+    import pandas as pd
+
+    systems = {"gain": result.gain, "sensitivity": result.sensitivity, "complementary": result.complementary}
+    responses = {name: result.response(system, result.frequencies) for name, system in systems.items()}
+    phase = np.degrees(np.unwrap(np.angle(responses["gain"])))
+    magnitudes = {name: np.abs(response) for name, response in responses.items()}
+    frame = pd.DataFrame({"frequency": result.frequencies, **magnitudes, "phase": phase})
+    frame.attrs["units"] = {"frequency": "Hz", "phase": "deg"}
+    return frame
+
+
+@to_frame.register
+def _(result: LostMotion) -> Any:
+    """Backlash, stiffness and friction of each drive, and the total backlash."""
+    import pandas as pd
+
+    units = {"gap": "rad", "stiffness": "N m/rad", "friction": "N m", "friction_coefficient": ""}
+    found = [
+        (f"{name}_{number}", getattr(drive, name), unit)
+        for number, drive in enumerate(result.drives, start=1)
+        for name, unit in units.items()
+    ]
+    rows = [(name, each.value, each.std, unit) for name, each, unit in [*found, ("total_gap", result.total_gap, "rad")]]
+    return pd.DataFrame(rows, columns=["name", "value", "std", "unit"]).set_index("name")
+
+
+@to_frame.register
+def _(result: Experiment) -> Any:
+    """One row per sample: the command, and what each of the competing models predicts."""
+    import pandas as pd
+
+    angle, length, torque, newton = axis_quantities(result.axis)
+    predicted = [f"{angle}_with_{name}" for name in result.competing]
+    columns = {"time": result.time, torque: result.torque, **dict(zip(predicted, result.predictions, strict=True))}
+    frame = pd.DataFrame(columns)
+    frame.attrs["units"] = {"time": "s", torque: newton, **dict.fromkeys(predicted, length)}
     return frame
 
 
@@ -191,6 +277,13 @@ def _(result: Prediction) -> str:
     from antidrive.prediction_page import prediction_page
 
     return prediction_page(result, _made(result.log.sources))
+
+
+@_page.register
+def _(result: CapabilityMap) -> str:
+    from antidrive.report import capability_page
+
+    return capability_page(result, sentences(result), _made(()))
 
 
 @_page.register

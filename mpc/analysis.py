@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mpc.controller import Controller
 from mpc.linear_loop import LinearPlant, feedback, filter_gain, law
 from plant.errors import BadParameter
+from plant.result_display import Drawn
 from plant.simulation import beginning
 
 Array = NDArray[np.float64]
@@ -20,7 +21,7 @@ _POINTS = 4000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LoopAnalysis:
+class LoopAnalysis(Drawn):
     """The loop, opened where the torque enters the drivetrain.
 
     Attributes:
@@ -50,6 +51,18 @@ class LoopAnalysis:
     peak_sensitivity: float
     bandwidth: float
     torque: float
+
+    def __repr__(self) -> str:
+        """The margins in one line."""
+        return (
+            f"LoopAnalysis(crossover {self.crossover:.2g} Hz, phase margin {self.phase_margin:.0f} deg, gain margin "
+            f"{self.gain_margin:.2f}, peak sensitivity {self.peak_sensitivity:.2f}, bandwidth {self.bandwidth:.2g} Hz)"
+        )
+
+    @property
+    def frequencies(self) -> Array:
+        """(600,) frequencies up to half the sampling rate, for pictures and tables [Hz]."""
+        return np.geomspace(1e-3, 0.5, 600) / float(self.gain.dt)
 
     def response(self, system: Any, frequencies: Array) -> NDArray[np.complex128]:
         """Complex response of one of the systems at frequencies (M,) [Hz]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,9 +23,15 @@ def bode_figure(loop: LoopAnalysis) -> Figure:
         from matplotlib.figure import Figure
     except ImportError:
         raise BadParameter("A picture needs matplotlib: pip install matplotlib.") from None
-    frequencies = np.geomspace(1e-3, 0.5, 600) / loop.gain.dt
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    draw_bode(loop, figure.subplots(2, 1, sharex=True))
+    return figure
+
+
+def draw_bode(loop: LoopAnalysis, axes: Any) -> None:
+    """Magnitudes and phase in two axes."""
+    upper, lower = axes
+    frequencies = loop.frequencies
     for name, system in (
         ("loop gain L", loop.gain),
         ("sensitivity S", loop.sensitivity),
@@ -35,9 +41,9 @@ def bode_figure(loop: LoopAnalysis) -> Figure:
         upper.semilogx(frequencies, 20 * np.log10(magnitude), label=name)
     phase = np.degrees(np.unwrap(np.angle(loop.response(loop.gain, frequencies))))
     lower.semilogx(frequencies, phase, label="phase of L")
-    for axes in (upper, lower):
-        axes.axvline(loop.crossover, linestyle=":", color="0.5")
-        axes.grid(alpha=0.3)
+    for ax in (upper, lower):
+        ax.axvline(loop.crossover, linestyle=":", color="0.5")
+        ax.grid(alpha=0.3)
     upper.set(ylabel="magnitude [dB]")
     upper.legend(frameon=False)
     lower.set(ylabel="phase [deg]", xlabel="frequency [Hz]")
@@ -46,4 +52,3 @@ def bode_figure(loop: LoopAnalysis) -> Figure:
         f"{loop.gain_margin:.2f}, peak sensitivity {loop.peak_sensitivity:.2f}, bandwidth {loop.bandwidth:.2g} Hz",
         fontsize=10,
     )
-    return figure

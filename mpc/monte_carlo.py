@@ -15,6 +15,7 @@ from mpc.controller import Controller
 from plant.errors import BadParameter
 from plant.executors import in_order
 from plant.number import whole
+from plant.result_display import Drawn
 from plant.rig import Rig
 
 Array = NDArray[np.float64]
@@ -59,7 +60,7 @@ class Trial:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep:
+class Sweep(Drawn):
     """Results of R closed loops.
 
     Attributes:
@@ -73,6 +74,14 @@ class Sweep:
     least_flank_torque: Array
     degraded: NDArray[np.int64]
     copper_loss: Array
+
+    def __repr__(self) -> str:
+        """Number of loops, greatest error and smallest contact torque in one line."""
+        name, loops = type(self).__name__, self.tracking_rms.size
+        return (
+            f"{name}({loops} loops, largest tracking error {np.max(self.tracking_rms):.3g} rad rms, minimum contact "
+            f"torque {np.min(self.least_flank_torque):.3g} N m)"
+        )
 
     @property
     def contact_lost(self) -> NDArray[np.bool_]:

@@ -12,6 +12,7 @@ from mpc.shooting import Shooting
 from plant.effects.effect import Stage
 from plant.errors import BadParameter
 from plant.number import whole
+from plant.result_display import Drawn
 from plant.servo import ServoModel
 from plant.simulation import simulate
 
@@ -22,7 +23,7 @@ _FINER = 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trajectory:
+class Trajectory(Drawn):
     """A move over N intervals with constant torques in each.
 
     Attributes:
@@ -47,6 +48,10 @@ class Trajectory:
     margin: float
     miss: Array
     status: str
+
+    def __repr__(self) -> str:
+        """Duration, loss and status in one line."""
+        return f"Trajectory({self.duration:.4g} s, copper loss {self.copper_loss:.4g} N² m² s, {self.status})"
 
     @property
     def duration(self) -> float:

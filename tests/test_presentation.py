@@ -15,9 +15,14 @@ from front_door import TRUTH, antidrive, columns, write_csv, write_model
 from test_friction_test import PLAIN, SWEEP, driven
 
 import antidrive as ad
-from allocation import capability_map
+from allocation import Limits, capability_map
 from antidrive.model_comparison import Change, Comparison
+from diagnosis import Experiment
+from diagnosis.experiment.signal_families import Signal
+from identification import LostMotion
 from identification.friction_test import friction_test
+from identification.lost_motion.sweep import DriveLostMotion, Measured
+from mpc import MonteCarlo, Sweep, analyse_loop, time_optimal
 from plant import BadParameter, drive_table
 from plant.result_display import Tabled
 
@@ -43,6 +48,11 @@ def diagnosed(log):
 def results(log, fitted, diagnosed) -> dict[str, Tabled]:
     change = {"unit": "kg m^2", "before": 0.5, "before_std": 0.01, "after": 0.6, "after_std": 0.01, "moved": True}
     drives, axis = ad.Allocator(ad.GearTrain.paper(), min_torque=0.02, max_torque=0.3), np.linspace(-1.0, 1.0, 5)
+    limits = Limits(gears=ad.GearTrain.paper(), min_torque=0.02, max_torque=0.3)
+    runs = {"tracking_rms": np.array([0.1, 0.2]), "least_flank_torque": np.array([0.3, -0.1])}
+    runs |= {"degraded": np.array([0, 3]), "copper_loss": np.array([0.01, 0.02])}
+    time, measured = np.arange(3) * 0.01, Measured(value=1e-3, std=1e-5)
+    drive = DriveLostMotion(gap=measured, stiffness=measured, friction=measured, friction_coefficient=measured)
     errors = {"error_before": 0.2, "error_after": 0.1, "unit": "rad"}
     return {
         "log": log,
@@ -54,11 +64,32 @@ def results(log, fitted, diagnosed) -> dict[str, Tabled]:
         ),
         "table": drive_table(TRUTH, "friction", points=10),
         "map": capability_map(drives, inertia=2.0, acceleration=axis, load_torque=axis),
+        "allocation": drives.allocate(0.5),
+        "trajectory": time_optimal(TRUTH, limits, 0.0, 0.5, intervals=10),
+        "sweep": Sweep(**runs),
+        "monte carlo": MonteCarlo(**runs, names=("inertia",), factors=np.array([[0.9], [1.1]])),
+        "loop analysis": analyse_loop(ad.Controller(TRUTH, ad.GearTrain.paper())),
+        "lost motion": LostMotion(drives=(drive, drive), total_gap=measured, encoder_noise=1e-6, samples=100, visits=4),
+        "experiment": Experiment(
+            competing=("input_delay", "sensor_lag"),
+            time=time,
+            torque=np.array([0.0, 1.0, 2.0]),
+            start=0.0,
+            signal=Signal(family="chirp", numbers={}, amplitude=1.0, bias=0.0),
+            separation=12.0,
+            absorbed=0.2,
+            chirp_separation=4.0,
+            chirp_absorbed=0.5,
+            chirp_duration=8.0,
+            predictions=(time, 2.0 * time),
+            axis="rotary",
+        ),
         "loop": ad.closed_loop(ad.Controller(TRUTH, ad.GearTrain.paper()), ad.Rig.paper_like(), 0.1, 0.5, seed=0),
     }
 
 
 NAMES = {"log": 2, "fit": 2, "prediction": 2, "friction test": 1, "comparison": 1, "table": 1, "map": 1, "loop": 4}
+NAMES |= {"trajectory": 3, "sweep": 1, "monte carlo": 1, "loop analysis": 2, "experiment": 2}
 
 
 class Text(HTMLParser):
@@ -86,18 +117,19 @@ def test_a_result_is_drawn(name, results):
     assert axes[-1].get_xlabel()
     given = matplotlib.pyplot.subplots(NAMES[name], 1)[1]
     assert np.atleast_1d(results[name].plot(given))[0] is np.atleast_1d(given)[0]
-    with pytest.raises(BadParameter, match=f"needs {NAMES[name]} axes, not 3"):
-        results[name].plot(matplotlib.pyplot.subplots(3, 1)[1])
+    with pytest.raises(BadParameter, match=f"needs {NAMES[name]} axes, not 5"):
+        results[name].plot(matplotlib.pyplot.subplots(5, 1)[1])
     matplotlib.pyplot.close("all")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, "allocation", "lost motion"])
 def test_a_result_is_a_table_and_shows_itself_in_a_notebook(name, results):
     frame = results[name].to_frame()
     assert len(frame)
     page = Text(results[name]._repr_html_())
     assert {"p", "table"} <= set(page.tags)
     assert all(str(column) in page.words for column in frame.columns[:4])
+    assert len(page.words.splitlines()[0]) < 250  # and no array
 
 
 def test_tables_hold_the_numbers(log, fitted, diagnosed):
@@ -110,7 +142,7 @@ def test_tables_hold_the_numbers(log, fitted, diagnosed):
     assert causes.loc["coulomb_friction", "value"] == pytest.approx(0.4, rel=0.02)
 
 
-@pytest.mark.parametrize("name", ["fit", "prediction", "friction test", "comparison", "loop"])
+@pytest.mark.parametrize("name", ["fit", "prediction", "friction test", "comparison", "map", "loop"])
 def test_a_result_writes_its_page(name, results, tmp_path):
     path = results[name].report(tmp_path / "page.html")
     page = path.read_text(encoding="utf-8")
@@ -140,6 +172,7 @@ def test_only_what_has_a_report_offers_one(results):
         "prediction",
         "friction test",
         "comparison",
+        "map",
         "loop",
     }
 
@@ -154,6 +187,29 @@ def test_a_closed_loop_reports_itself_in_one_line(results):
     table = replace(loop, axis="linear").to_frame()
     np.testing.assert_array_equal(table["position"], loop.angle)
     assert table.attrs["units"]["flank_torque_1"] == "N"
+
+
+def test_a_table_has_every_number_of_its_result(results):
+    allocated, move, loops = (results[name] for name in ("allocation", "trajectory", "monte carlo"))
+    np.testing.assert_array_equal(allocated.to_frame()["torque"], allocated.torques)
+    np.testing.assert_array_equal(move.to_frame()["torque_2"][:-1], move.torques[:, 1])
+    assert np.isnan(move.to_frame()["torque_2"].iloc[-1])
+    assert loops.to_frame()["inertia"].tolist() == [0.9, 1.1]
+    assert results["lost motion"].to_frame().loc["gap_2", "value"] == 1e-3
+    response, analysis = results["loop analysis"].to_frame(), results["loop analysis"]
+    assert response["sensitivity"].max() == pytest.approx(analysis.peak_sensitivity, rel=0.01)
+    phase = np.interp(analysis.crossover, response["frequency"], response["phase"])
+    assert phase % 360.0 == pytest.approx(180.0 + analysis.phase_margin, abs=1.0)
+    played = results["experiment"].to_frame()
+    assert list(played) == ["time", "torque", "angle_with_input_delay", "angle_with_sensor_lag"]
+    assert played["angle_with_sensor_lag"].tolist() == [0.0, 0.02, 0.04]
+
+
+def test_a_map_without_a_torque_at_rest_is_reported(results, tmp_path):
+    drives = ad.Allocator(ad.GearTrain.paper(), min_torque=0.02, max_torque=0.3)
+    beyond = capability_map(drives, inertia=2.0, acceleration=np.array([0.0]), load_torque=np.array([50.0, 60.0]))
+    page = beyond.report(tmp_path / "map.html").read_text(encoding="utf-8")
+    assert "hold none of these load torques" in page
 
 
 def test_a_model_is_a_table_of_its_parameters():

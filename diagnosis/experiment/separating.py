@@ -21,6 +21,7 @@ from identification.fit_result import Fit
 from plant.effects.effect import Array, Axis
 from plant.errors import BadParameter
 from plant.file_format import check_format
+from plant.result_display import Drawn
 
 __all__ = ["Experiment", "Limits", "competing_fits", "separating_experiment"]
 
@@ -31,7 +32,7 @@ _SETTLED = 9.3  # mean m of log odds, of standard deviation sqrt(2 m), that exce
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Experiment:
+class Experiment(Drawn):
     """A torque signal that distinguishes two competing models.
 
     Attributes:
@@ -102,6 +103,11 @@ class Experiment:
             "chirp_duration": self.chirp_duration if np.isfinite(self.chirp_duration) else None,
             "file": file,
         }
+
+    def __repr__(self) -> str:
+        """The competing effects, the signal and its duration in one line."""
+        first, second = self.competing
+        return f"Experiment({first} against {second}: {self.signal}, {self.duration:.3g} s)"
 
     def __str__(self) -> str:
         """The signal and its expected log-likelihood difference."""

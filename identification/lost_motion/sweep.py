@@ -27,6 +27,7 @@ from identification.log import Log
 from identification.lost_motion.flank_visits import FlankSamples, flank_samples
 from identification.lost_motion.likelihood import most_likely
 from plant.drive_train import DriveTrain
+from plant.result_display import Tabled
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ class DriveLostMotion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LostMotion:
+class LostMotion(Tabled):
     """Result of sweeps of the preload.
 
     Attributes:
