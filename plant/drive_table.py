@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _MOST_POINTS = 1_000_000
 _FINER = 16  # intermediate points between two table points, for the interpolation error
+_NARROW = 300  # places on each side of zero, closer to each other toward it
 _WHOLE = 1e-3  # tolerance of a whole number of periods
 _ROUNDS = 50  # iterations for the true angle; each reduces the error by the slope of the position error
 _DEAD_ZONES = 10.0  # half widths that the table of a dead zone covers on each side
@@ -165,7 +166,9 @@ def _together(parts: Parts, at: Array) -> Array:
 
 def _line_error(parts: Parts, at: Array) -> tuple[float, bool]:
     """Largest error of linear interpolation, and whether there is a jump at zero, which is then excluded from it."""
-    fine = np.linspace(at[0], at[-1], _FINER * (at.size - 1) + 1)
+    narrow = np.geomspace(1e-6, 1.0, _NARROW) * (at[-1] - at[0])  # a Stribeck peak may be narrower than a step
+    fine = np.unique(np.concatenate((np.linspace(at[0], at[-1], _FINER * (at.size - 1) + 1), narrow, -narrow)))
+    fine = fine[(fine >= at[0]) & (fine <= at[-1])]
     beside = 1e-9 * (at[-1] - at[0]) * np.array([-1.0, 1.0])
     whole, points, step = (_together(parts, place) for place in (fine, at, beside))
     drawn = np.interp(fine, at, points)

@@ -165,6 +165,12 @@ def test_a_dead_zone_of_zero_needs_no_table():
         drive_table(ServoModel.paper().without_effect("dead_zone").with_effect(DeadZone(half_width=0.0)), "dead-zone")
 
 
+@pytest.mark.parametrize("points", [8, 64])
+def test_a_breakaway_peak_between_two_points_is_an_error(points):
+    servo = ServoModel(viscous_friction=0.4, effects=(StribeckFriction(coulomb=0.2, excess=0.1, velocity=0.02),))
+    assert drive_table(servo, "friction", points=points).largest_error == pytest.approx(0.1, rel=0.02)
+
+
 @pytest.mark.parametrize("kind", ["friction", "cogging", "gravity", "position-error", "dead-zone"])
 def test_the_error_of_straight_lines_is_as_stated(kind):
     table = drive_table(FULL, kind, points=40)
