@@ -18,6 +18,7 @@ from identification.simulation import free_simulation
 from plant.model_file import ModelFile, model_of, read_model
 from plant.result_display import Presented
 from plant.servo import ServoModel
+from plant.uncertain_number import measured
 from plant.units import printed
 
 if TYPE_CHECKING:
@@ -61,9 +62,9 @@ class Change:
         size = abs(self.errors or 0.0)
         errors = "" if self.errors is None else f"{size:.{0 if size >= 10.0 else 1}f} standard errors"
         about = ", ".join(part for part in (change, errors) if part)
-        unit = printed(self.unit)
-        now = f"{self.after:.4g}{_error(self.after_std)} {unit}".rstrip()
-        return f"{self.name}: {self.before:.4g}{_error(self.before_std)} -> {now}{f' ({about})' if about else ''}"
+        was = measured(self.before, self.before_std, self.unit)
+        now = measured(self.after, self.after_std, self.unit)
+        return f"{self.name}: {was} -> {now}{f' ({about})' if about else ''}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -238,7 +239,3 @@ def _row(change: Change) -> dict[str, Any]:
 
 def _share(probability: float) -> str:
     return "above 0.99" if probability > 0.99 else f"{probability:.2f}"
-
-
-def _error(std: float | None) -> str:
-    return "" if std is None else f" +- {std:.2g}"

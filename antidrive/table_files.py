@@ -12,6 +12,7 @@ import numpy as np
 from plant.drive_table import DriveTable
 from plant.inverse import time_lead
 from plant.model_file import ModelFile
+from plant.uncertain_number import measured
 
 _ROUNDING = 1e-12  # of the largest value
 ARCMIN = 60.0 * 180.0 / np.pi
@@ -30,8 +31,9 @@ class Number:
 
     def __str__(self) -> str:
         """Text in one line."""
-        error = "" if self.std is None else f" +- {self.std:.2g}"
-        return f"{self.name} = {self.value:.6g}{error} {self.unit.removesuffix('-')}".rstrip()
+        unit = self.unit.removesuffix("-")
+        number = f"{self.value:.6g} {unit}".rstrip() if self.std is None else measured(self.value, self.std, unit)
+        return f"{self.name} = {number}"
 
 
 def numbers_of(read: ModelFile, kind: str) -> list[Number]:

@@ -47,7 +47,7 @@ class Repeats:
         """One sentence."""
         first, second = self.pairs[0]
         more = f" and {len(self.pairs) - 1} pairs more" if len(self.pairs) > 1 else ""
-        band = f"{100 * self.share:.0f} +- {200 * self.chance:.0f} %"
+        band = f"{100 * self.share:.0f} ± {200 * self.chance:.0f} %"
         end = "so this part is model error, not noise" if self.deterministic else "as expected of noise"
         return f"{second} repeats {first}{more}: {band} of the remaining error is the same in both, {end}."
 

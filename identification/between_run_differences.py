@@ -24,6 +24,7 @@ from identification.sums_over_runs import places, point_size
 from plant import ServoModel
 from plant.effects.effect import Array
 from plant.effects.nonparametric_curve import Nonparametric
+from plant.uncertain_number import measured
 
 BLOCKS = 8  # of each run
 _LEVEL = 1e-3  # probability of reporting a difference between equal runs
@@ -155,7 +156,7 @@ def _sentence(fit: Fit, names: list[str]) -> str:
             continue
         low, high = finite[farthest_apart(values[finite, column], std[finite])]
         errors = (values[high, column] - values[low, column]) / float(np.hypot(std[low], std[high]))
-        has = [f"{fit.log.runs[run].label} {values[run, column]:.4g} +- {std[run]:.2g}" for run in (low, high)]
+        has = [f"{fit.log.runs[run].label} {measured(values[run, column], std[run])}" for run in (low, high)]
         differing.append(f"{name} ({has[0]}, {has[1]} {fit[name].unit}, {errors:.3g} standard errors apart)")
     listed = ", ".join(f"'{name}'" for name in names) + "," * (len(names) == 1)
     payload = "a payload per run (columns payload_mass and payload_radius, or payload_inertia), or "

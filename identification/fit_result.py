@@ -18,6 +18,7 @@ from plant.errors import BadParameter
 from plant.model_file import ModelFile
 from plant.result_display import Presented
 from plant.servo import ServoModel
+from plant.uncertain_number import measured
 from plant.units import printed
 
 _ECHO = 1000  # samples of the impulse response of coloured noise
@@ -216,13 +217,13 @@ def _value(p: FittedParameter, failed: bool) -> str:
         return "not found" if failed else f"cannot be determined from this log (start {p.start:.4g} {printed(p.unit)})"
     share = f" ({100.0 * p.std / abs(p.value):.2g} %)" if p.value else ""
     bound = "  AT BOUND" if p.at_bound else ""
-    return f"{p.value:.6g} +- {p.std:.2g} {printed(p.unit)}{share}  from {p.start:.4g}{bound}"
+    return f"{measured(p.value, p.std, p.unit)}{share}  from {p.start:.4g}{bound}"
 
 
 def _prior_lines(fit: Fit) -> list[str]:
     """One line for each prior and for each pair of bounds that the user gave."""
     units = {p.name: printed(p.unit) for p in fit.parameters}
-    priors = [f"prior of {n}: {m:g} +- {s:g} {units[n]}" for n, (m, s) in fit.known.prior.items() if n in units]
+    priors = [f"prior of {n}: {m:g} ± {s:g} {units[n]}" for n, (m, s) in fit.known.prior.items() if n in units]
     bounds = [f"bounds of {n}: {a:g} .. {b:g} {units[n]}" for n, (a, b) in fit.known.bounds.items() if n in units]
     return ["", *priors, *bounds] if priors or bounds else []
 

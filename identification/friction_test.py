@@ -22,6 +22,7 @@ from plant.effects import CoulombFriction, Effect, GravityOffset, StribeckFricti
 from plant.effects.effect import Array
 from plant.result_display import Presented
 from plant.servo import ServoModel
+from plant.uncertain_number import measured
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -126,8 +127,7 @@ class FrictionTest(Presented):
         for name, meaning in _MEANINGS.items():
             if name in found:
                 more = " (with the offset: the load moves one way only)" if name == "coulomb" and self.one_way else ""
-                error = f" +- {self.std[name]:.2g}" if name in self.std else ""
-                lines.append(f"{meaning}: {found[name]:.4g}{error} {self.units[name]}{more}")
+                lines.append(f"{meaning}: {measured(found[name], self.std.get(name), self.units[name])}{more}")
         if self.negative:
             lines.append("The friction is negative. Check that torque and angle belong together, and their signs.")
         elif found["coulomb"] < _SIGNIFICANT * self.std["coulomb"]:

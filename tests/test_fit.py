@@ -203,7 +203,7 @@ def test_the_report_has_what_one_looks_for() -> None:
     text = str(fitted())
     for name, unit in zip(NAMES, ("kg m^2", "N m", "N m s/rad", "N m"), strict=True):
         line = next(row for row in text.splitlines() if row.strip().startswith(name))
-        assert "+-" in line
+        assert "±" in line
         assert unit in line
         assert "%" in line
     assert "6000 samples" in text

@@ -28,7 +28,7 @@ def test_wear_and_a_new_effect_are_distinguished():
     assert frame.loc["viscous_friction", "errors"] > 20.0
     assert found.error_after < 0.1 * found.error_before
     lines = found.sentences()
-    assert lines[0].startswith("Changed: viscous_friction: 0.5 +- 0.0001 -> 0.")
+    assert lines[0].startswith("Changed: viscous_friction: 0.50000 ± 0.00010 N m s/rad -> 0.")
     assert "+20 %" in lines[0]
     assert lines[1] == "New: cogging, probability above 0.99"
 
@@ -64,7 +64,7 @@ def test_the_command_reports_that_nothing_changed(tmp_path):
 def test_a_change_is_reported_in_a_line():
     known = {"name": "inertia", "unit": "kg m^2", "before": 0.5, "before_std": 0.01, "moved": False}
     assert str(Change(**known, after=0.55, after_std=0.01)) == (
-        "inertia: 0.5 +- 0.01 -> 0.55 +- 0.01 kg m^2 (+10 %, 3.5 standard errors)"
+        "inertia: 0.500 ± 0.010 kg m^2 -> 0.550 ± 0.010 kg m^2 (+10 %, 3.5 standard errors)"
     )
     assert (
         str(Change(**known, after=None, after_std=None))

@@ -93,7 +93,7 @@ def test_a_fixed_value_is_kept_and_reported() -> None:
     assert (found["inertia"].value, found["inertia"].fixed) == (0.9, True)
     assert found.model.inertia == 0.9
     assert fit(LOG, fixed=["gravity"])["gravity"].value == 0.0
-    assert "prior of inertia: 0.8 +- 0.01 kg m^2" in fit_report(fit(LOG, PLAIN, prior={"inertia": (0.8, 0.01)}))
+    assert "prior of inertia: 0.8 ± 0.01 kg m^2" in fit_report(fit(LOG, PLAIN, prior={"inertia": (0.8, 0.01)}))
 
 
 def test_what_is_known_holds_when_an_effect_comes_to_the_model() -> None:

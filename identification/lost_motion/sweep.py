@@ -28,6 +28,7 @@ from identification.lost_motion.flank_visits import FlankSamples, flank_samples
 from identification.lost_motion.likelihood import most_likely
 from plant.drive_train import DriveTrain
 from plant.result_display import Tabled
+from plant.uncertain_number import measured
 
 Array = NDArray[np.float64]
 
@@ -78,8 +79,11 @@ class LostMotion(Tabled):
 
     def __str__(self) -> str:
         """The backlashes with their standard errors."""
-        backlashes = ", ".join(f"{1e3 * d.gap.value:.5g} +- {1e3 * d.gap.std:.2g} mrad" for d in self.drives)
-        return f"gaps {backlashes}; together {1e3 * self.total_gap.value:.5g} +- {1e3 * self.total_gap.std:.2g} mrad"
+        first, second, both = (
+            measured(1e3 * gap.value, 1e3 * gap.std, "mrad")
+            for gap in (*(drive.gap for drive in self.drives), self.total_gap)
+        )
+        return f"backlash {first} and {second}; together {both}"
 
 
 def lost_motion(log: Log, gears: DriveTrain) -> LostMotion:
