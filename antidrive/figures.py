@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 _WIDE = 3.5  # width of measured curves, which lie under those of models [px]
 
 
-def replay_figure(replay: Replay, unit: str, *, extended: bool) -> Figure:
+def replay_figure(replay: Replay, quantity: str, unit: str, *, extended: bool) -> Figure:
     """Measured and simulated output, and below them the error of the simulation.
 
     Args:
         replay: one run.
-        unit: of the output.
+        quantity, unit: of the measurement.
         extended: draw the extended model too.
     """
     seen = np.where(replay.valid, replay.measured, np.nan)
@@ -42,7 +42,7 @@ def replay_figure(replay: Replay, unit: str, *, extended: bool) -> Figure:
         x="time [s]",
         height=400,
         rows=[
-            Row(title=f"output [{unit}]", curves=outputs, share=0.58),
+            Row(title=f"{quantity} [{unit}]", curves=outputs, share=0.58),
             Row(title=f"error [{unit}]", curves=errors, share=0.42),
         ],
     )
@@ -171,15 +171,15 @@ def change_figure(found: Signature) -> Figure:
     return Figure(x="time [s]", height=280, rows=rows)
 
 
-def fit_figure(time: Array, measured: Array, simulated: Array, unit: str) -> Figure:
-    """One run, measured (NaN where masked) and simulated, with the error below."""
+def fit_figure(time: Array, measured: Array, simulated: Array, quantity: str, unit: str) -> Figure:
+    """One run, measured (NaN where masked) and simulated, with the error below; `quantity` is what was measured."""
     shown = [
         Curve(name="measured", colour=MEASURED, x=time, y=measured, width=_WIDE),
         Curve(name="simulated", colour=AFTER, x=time, y=simulated),
     ]
     error = [Curve(name="", colour=BEFORE, x=time, y=measured - simulated)]
     rows = [
-        Row(title=f"output [{unit}]", curves=shown, share=0.62),
+        Row(title=f"{quantity} [{unit}]", curves=shown, share=0.62),
         Row(title=f"measured less simulated [{unit}]", curves=error, share=0.38),
     ]
     return Figure(x="time [s]", height=360, rows=rows)

@@ -82,7 +82,7 @@ def _draw_diagnosis(found: Diagnosis, axes: Any) -> None:
             axes[1].plot(replay.time, seen - simulated, color=colour, lw=0.8)
     if found.replays:
         axes[0].legend(frameon=False)
-    _label(axes[0], y=f"output [{unit}]")
+    _label(axes[0], y=f"{quantity(found.base.log)} [{unit}]")
     _label(axes[1], y=f"error [{unit}]", x="time [s]")
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antidrive.remaining_time import Parts, Tell
+from diagnosis.jackknife import jackknife
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.simulation import free_simulation
@@ -19,6 +20,7 @@ from plant.file_format import check_format
 from plant.model_file import ModelLike, model_of
 from plant.result_display import Presented
 from plant.servo import ServoModel
+from plant.uncertain_number import measured as measured_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,10 +54,17 @@ class Prediction(Presented):
             for run, output in zip(self.log.runs, self.simulated, strict=True)
         )
 
+    def sentences(self) -> list[str]:
+        """The error of each run with its standard error, from leaving out each twentieth of the run in turn."""
+        lines = []
+        for run, output, error in zip(self.log.runs, self.simulated, self.rms_errors, strict=True):
+            std = jackknife(np.sqrt, (output - run.measured)[run.valid] ** 2)
+            lines.append(f"{run.label}: rms error {measured_text(error, std, self.log.measured_unit)}")
+        return lines
+
     def __str__(self) -> str:
-        """The error of each run, a line each."""
-        pairs = zip(self.log.runs, self.rms_errors, strict=True)
-        return "\n".join(f"{run.label}: rms error {error:.4g} {self.log.measured_unit}" for run, error in pairs)
+        """The sentences."""
+        return "\n".join(self.sentences())
 
     def __repr__(self) -> str:
         """The log and the largest error in one line."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from antidrive.html_page import page
-from antidrive.prediction import Prediction
+from antidrive.prediction import Prediction, quantity
 from antidrive.provenance import Provenance
 
 _DRAWN = 6  # number of runs drawn, those with the largest errors
@@ -16,14 +16,15 @@ def prediction_page(found: Prediction, provenance: Provenance) -> str:
     from antidrive.figures import fit_figure
 
     log, unit = found.log, found.log.measured_unit
-    runs = list(zip(log.runs, found.simulated, found.rms_errors, strict=True))
+    runs = list(zip(log.runs, found.simulated, found.rms_errors, found.sentences(), strict=True))
     pictures = []
-    for run, output, error in sorted(runs, key=lambda entry: -entry[2])[:_DRAWN]:
+    for run, output, _, sentence in sorted(runs, key=lambda entry: -entry[2])[:_DRAWN]:
         seen = np.where(run.valid, run.measured, np.nan)
-        figure = fit_figure(run.time, seen, output, unit)
-        pictures.append((figure, f"{run.label}: rms error {error:.4g} {unit}."))
+        pictures.append((fit_figure(run.time, seen, output, quantity(log), unit), f"{sentence}."))
     lines = [
-        "Open-loop simulation from the command alone. The initial state of each run is estimated from its first 0.2 s."
+        "Open-loop simulation from the command alone. The initial state of each run is estimated from its first 0.2 s.",
+        "The rms error is that of measured less simulated, with a standard error from leaving out each twentieth of "
+        "the run in turn.",
     ]
     if len(runs) > _DRAWN:
         lines += [f"Drawn are the {_DRAWN} of {len(runs)} runs with the largest errors."]

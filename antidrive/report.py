@@ -16,6 +16,7 @@ from antidrive.experiment_figures import picture_figure
 from antidrive.experiments.outcome import Outcome
 from antidrive.html_page import page
 from antidrive.inspection import Inspection, inspection_figures
+from antidrive.prediction import quantity
 from antidrive.provenance import Provenance
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation, Reason
@@ -67,7 +68,7 @@ def fit_page(
     runs = list(zip(fit.log.runs, simulated, strict=True))
     worst = sorted(runs, key=lambda pair: -_rms((pair[0].measured - pair[1])[pair[0].valid]))[:_RUNS_DRAWN]
     drawn = [
-        (run.label, figures.fit_figure(run.time, np.where(run.valid, run.measured, np.nan), y, unit))
+        (run.label, figures.fit_figure(run.time, np.where(run.valid, run.measured, np.nan), y, quantity(fit.log), unit))
         for run, y in worst
     ]
     content = {
@@ -162,7 +163,7 @@ def demo_page(demo: Demo, provenance: Provenance) -> str:
 def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanation) -> dict[str, Any]:
     """Content of the template for a diagnosis."""
     extended = diagnosis.extended is not diagnosis.base
-    unit = diagnosis.base.log.measured_unit
+    shown, unit = quantity(diagnosis.base.log), diagnosis.base.log.measured_unit
     after = {curve.variable: curve for curve in diagnosis.residual_after.curves} if extended else {}
     curves = [
         (
@@ -184,7 +185,9 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         "gain": gain,
         "errors": [] if gain is None else _errors(diagnosis, gain, extended),
         "unit": unit,
-        "replays": [(replay.label, figures.replay_figure(replay, unit, extended=extended)) for replay in replays],
+        "replays": [
+            (replay.label, figures.replay_figure(replay, shown, unit, extended=extended)) for replay in replays
+        ],
         "others": len(diagnosis.replays) - len(replays),
         "acting": torque_or_force(diagnosis.residual_before.unit),
         "missing": figures.residual_figure(diagnosis.residual_before),

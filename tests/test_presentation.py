@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -230,7 +231,11 @@ def test_a_prediction_lies_beside_what_was_measured(tmp_path):
     again = ad.predict(TRUTH, log).to_frame()
     assert again["measured"].to_numpy() == pytest.approx(table["measured"].to_numpy())
     assert again["angle"].to_numpy() == pytest.approx(table["angle"].to_numpy(), abs=1e-9)
-    assert "rms error" in page.read_text(encoding="utf-8")
+    words = Text(page.read_text(encoding="utf-8")).words.replace("\N{NO-BREAK SPACE}", " ")
+    (said,) = result.out.splitlines()[:-1]
+    assert re.fullmatch(r"log\.csv: rms error \d+(\.\d+)? ± \d+(\.\d+)? µrad", said)
+    assert f"{said}." in words
+    assert "angle [rad]" in words + page.read_text(encoding="utf-8")
     assert result.out.splitlines()[-1] == f"Written: {out}, {page}"
 
 
