@@ -9,6 +9,8 @@ from browser import Reader, chromium
 from sample_pages import sample_diagnosis, sample_fit
 
 from antidrive.gallery import gallery_page
+from antidrive.prediction import predict
+from antidrive.prediction_page import prediction_page
 from antidrive.provenance import Provenance
 from antidrive.report import diagnosis_page, experiment_page, fit_page
 from antidrive.scenario_file import read_scenario_file
@@ -54,6 +56,7 @@ def pages(tmp_path_factory):
         "diagnosis": diagnosis_page(sample_diagnosis(fitted), how),
         "fit": fit_page(fitted, free_simulation(fitted.log, fitted.model), how),
         "experiment": experiment_page(read_scenario_file("figure6").run(None, 0), how),
+        "prediction": prediction_page(predict(fitted.model, fitted.log), how),
         "gallery": gallery_page(how, {kind.name: kind for kind in (Cogging, CoulombFriction)}),
     }
     for name, text in written.items():
@@ -61,7 +64,7 @@ def pages(tmp_path_factory):
     return {name: folder / f"{name}.html" for name in written}
 
 
-KINDS = ("diagnosis", "fit", "experiment", "gallery")
+KINDS = ("diagnosis", "fit", "prediction", "experiment", "gallery")
 
 
 @pytest.mark.parametrize("kind", KINDS)
