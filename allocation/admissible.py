@@ -108,7 +108,7 @@ def admissible_directions(A: ArrayLike) -> list[NDArray[np.int64]]:
     matrix = structure_matrix(A)
     m = matrix.shape[1]
     if m > _MOST_DRIVES:
-        raise BadParameter(f"Senses are listed for up to {_MOST_DRIVES} drives, not {m}.")
+        raise BadParameter(f"Directions are listed for up to {_MOST_DRIVES} drives, not {m}.")
     halves = (np.array((1, *rest), dtype=np.int64) for rest in product((1, -1), repeat=m - 1))
     found = [direction for direction in halves if admissible(matrix * direction).admissible]
     return [*found, *(-direction for direction in reversed(found))]

@@ -94,7 +94,7 @@ def capability_map(
     """
     limits, a, load = allocator.bounds, _rising("acceleration", acceleration), _rising("load_torque", load_torque)
     if limits.structure.matrix.shape != (1, 2) or allocator.lost:
-        raise BadParameter("A capability map is drawn for two living drives on one joint.")
+        raise BadParameter("A capability map is drawn for two working drives on one joint.")
     if not (np.isfinite(inertia) and inertia > 0):
         raise BadParameter(f"inertia must be finite and above zero, not {inertia!r}.")
     motion, torque = a[:, None], inertia * a[:, None] + load

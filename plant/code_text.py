@@ -194,7 +194,7 @@ class _Written:
         if operation == ca.OP_NEG:
             return f"-{self.number(parts[0], 3)}", 3, False
         if operation not in say.functions:
-            raise NotImplementedError(f"CasADi's operation {operation} has no words in this language.")
+            raise NotImplementedError(f"CasADi's operation {operation} cannot be written in this language.")
         template = say.functions[operation]
         least = 0 if _CALL.fullmatch(template) else _ATOM
         if template.count("{0}") > 1 and not _NAME.fullmatch(self.of(parts[0])[0]):

@@ -95,8 +95,8 @@ def test_the_edge_is_where_the_allocator_gives_up() -> None:
         ({"acceleration": [1.0, 0.0]}, "acceleration"),
         ({"load_torque": [np.nan]}, "load_torque"),
         ({"load_torque": 1.0}, "load_torque"),
-        ({"allocator": ALLOCATOR.without(1)}, "two living drives"),
-        ({"allocator": Allocator([[1, -1, 1], [1, 1, -2]], min_torque=0, max_torque=1)}, "two living drives"),
+        ({"allocator": ALLOCATOR.without(1)}, "two working drives"),
+        ({"allocator": Allocator([[1, -1, 1], [1, 1, -2]], min_torque=0, max_torque=1)}, "two working drives"),
     ],
 )
 def test_refuses_what_has_no_map(change: dict[str, object], message: str) -> None:

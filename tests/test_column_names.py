@@ -253,7 +253,7 @@ def test_nanometres_are_no_newton_metres(csv):
 
 def test_counts_are_no_radians(csv):
     path = csv({"time": TIME, "torque": TORQUE, "encoder_ticks": np.round(1e3 * ANGLE)})
-    with pytest.raises(MalformedLog, match="what one step is worth"):
+    with pytest.raises(MalformedLog, match="the size of one step"):
         Log.read(path)
     assert Log.read(path, units={"angle": "mrad"}).axis == "rotary"
 

@@ -227,5 +227,5 @@ def test_a_tachometer_in_volts_is_refused_with_what_to_give(tmp_path, monkeypatc
     words = ("inspect", "scope.csv", "--map", "torque=CH1", "--scale", "torque=0.5", "--map", "velocity=CH2")
     result = antidrive(*words, "--out", "out")
     assert result.code == 2
-    assert "give what one V is worth with --scale velocity=" in result.err
+    assert "give the size of one V with --scale velocity=" in result.err
     assert antidrive(*words, "--scale", "velocity=10", "--out", "out").code == 0

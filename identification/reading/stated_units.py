@@ -104,6 +104,6 @@ def _refuse_increments(table: Table, column: str, name: str, axis: str, *, guess
         if values.dtype.kind not in "fiu" or np.any(values[np.isfinite(values)] % 1 != 0):
             return
     raise MalformedLog(
-        f"'{name}' ({known.index.upper()}h) is in {known.counted_in}: say what one is worth, for example "
+        f"'{name}' ({known.index.upper()}h) is in {known.counted_in}: give the size of one, for example "
         f"--unit {column}={known.units[axis == 'linear']}, or --unit {column}='{si_unit(column, axis)}' if it is in SI."
     )

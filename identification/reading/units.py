@@ -149,7 +149,7 @@ def si_factor(column: str, unit: str, axis: str) -> float:
         if example and unit.strip() in ("%", "percent"):
             example = re.sub(r"/\d+", "/100", example)
         raise BadParameter(
-            f"the unit '{unit}' of column '{column}' has no fixed size: give what one step is worth instead, for "
+            f"the unit '{unit}' of column '{column}' has no fixed size: give the size of one step instead, for "
             f"example {f'--unit {column}={example} or ' if example else ''}--scale {column}=0.001 (in {wanted})."
         )
     return factor
@@ -167,7 +167,7 @@ def _hint(column: str, wanted: str, unit: str) -> str:
             "; a set-point of the speed does not determine the torque, which the drive computes from it: log the "
             "torque or the motor's current beside it"
         )
-    return f", or give what one {unit} is worth with --scale {column}=0.5" if is_unit(unit) else ""
+    return f", or give the size of one {unit} with --scale {column}=0.5" if is_unit(unit) else ""
 
 
 def _factor(unit: str, wanted: str) -> tuple[float, bool]:

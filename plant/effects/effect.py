@@ -303,7 +303,7 @@ class Effect:
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """Signatures of the effect along a motion, one for each candidate value of its nonlinear parameters."""
-        raise NotImplementedError(f"{cls.__name__} does not say how its trace looks.")
+        raise NotImplementedError(f"{cls.__name__} defines no traces, by which a diagnosis would find it.")
 
     def closer(self, motion: Motion) -> Iterator[Trace]:
         """Signatures between the values tried by `traces`, for peaks narrower than their spacing."""
