@@ -77,7 +77,8 @@ def between_run_differences(fit: Fit) -> str | None:
         for row, line in enumerate(lines)
         if line.value is not None and not line.at_bound and not is_coefficient(fit.model, line.name)
     ]
-    runs = [run.about([*determined, *range(len(lines), len(lines) + objective.predictor.initials)]) for run in runs]
+    starts = range(len(lines), len(lines) + len(objective.predictor.fitted_starts))
+    runs = [run.about([*determined, *starts]) for run in runs]
     own: list[int] = []
     while len(own) < len(determined):
         left = [row for row in range(len(determined)) if row not in own]

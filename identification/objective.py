@@ -100,7 +100,7 @@ class Objective:
         predictor = Predictor(
             model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour, unsettled=log.unsettled
         )
-        unbounded = np.full(predictor.initials * len(log.runs), np.inf)
+        unbounded = np.full(len(predictor.fitted_starts) * len(log.runs), np.inf)
         return cls(
             log=log,
             model=model,
@@ -122,17 +122,18 @@ class Objective:
         return int(sum(run.valid.sum() for run in self.log.runs))
 
     def unpack(self, point: Array) -> tuple[Array, Array]:
-        """Parameters (P,) and initial states (R, I) of a point (F + R I,)."""
-        values = self.model.values
+        """Parameters (P,) and initial states (R, 2), hidden states settled, or (R, n) of a point (F + R I,)."""
+        values, starts = self.model.values, self.predictor.fitted_starts
         values[list(self.free)] = point[: len(self.free)]
-        return values, point[len(self.free) :].reshape(len(self.log.runs), -1)
+        initial = np.zeros((len(self.log.runs), len(self.model.states) if len(starts) > 2 else 2))
+        initial[:, starts] = point[len(self.free) :].reshape(len(self.log.runs), -1)
+        return values, initial
 
     def pack(self, values: Array, initial: Array) -> Array:
         """The point (F + R I,) of parameters (P,) and initial states (R, 2), hidden states settled, or (R, n)."""
-        begun = np.zeros((len(initial), self.predictor.initials))
-        width = min(begun.shape[1], initial.shape[1])
-        begun[:, :width] = initial[:, :width]
-        return np.concatenate((values[list(self.free)], begun.ravel()))
+        begun = np.zeros((len(initial), len(self.model.states)))
+        begun[:, : initial.shape[1]] = initial
+        return np.concatenate((values[list(self.free)], begun[:, self.predictor.fitted_starts].ravel()))
 
     def linearise(self, point: Array, bandwidth: float, width: float) -> NormalEquations:
         """The normal equations at a point."""

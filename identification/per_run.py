@@ -15,7 +15,7 @@ from identification.log import Log
 from identification.objective import Objective
 from identification.predictor import Prediction
 from identification.problem import Problem
-from identification.sums_over_runs import informations, normal_equations, places, point_size
+from identification.sums_over_runs import informations, normal_equations, places
 from identification.time_stamp_jitter import with_its_clock
 from plant.effects.effect import Array
 
@@ -38,25 +38,28 @@ class PerRun:
 
     def places(self, run: int) -> NDArray[np.intp]:
         """(F + I,) indices of a run's parameters and initial state in a point."""
-        objective = self.objective
-        return places(len(objective.free), run, len(objective.log.runs), self.own, objective.predictor.initials)
+        objective, initials = self.objective, len(self.objective.predictor.fitted_starts)
+        return places(len(objective.free), run, len(objective.log.runs), self.own, initials)
+
+    def alone(self, run: int) -> Objective:
+        """The objective of one run, whose point is the part of that run."""
+        one = self.objective.log.runs[run : run + 1]
+        log, predictor = replace(self.objective.log, runs=one), replace(self.objective.predictor, runs=one)
+        return replace(self.objective, log=log, predictor=predictor)
 
     def begun(self, fit: Fit) -> Array:
         """The point in which all runs have the values of a fit."""
-        common = fit.model.values[list(self.objective.free)]
-        point = np.empty(point_size(common.size, len(fit.initial), self.own, self.objective.predictor.initials))
+        point = np.empty(int(self.places(len(fit.initial) - 1).max()) + 1)
         for run, initial in enumerate(fit.initial):
-            point[self.places(run)] = np.concatenate((common, initial))
+            point[self.places(run)] = self.alone(run).pack(fit.model.values, initial[None, :])
         return point
 
     def predictions(self, point: Array, bandwidth: float) -> list[Prediction]:
         """Predictions of all runs, each with its parameters."""
-        found, count = [], len(self.objective.free)
-        for run, one in enumerate(self.objective.log.runs):
-            values, part = self.objective.model.values, point[self.places(run)]
-            values[list(self.objective.free)] = part[:count]
-            predictor = replace(self.objective.predictor, runs=(one,))
-            found += predictor.predict(values, part[None, count:], bandwidth=bandwidth, width=0.0)
+        found = []
+        for run in range(len(self.objective.log.runs)):
+            alone = self.alone(run)
+            found += alone.predictor.predict(*alone.unpack(point[self.places(run)]), bandwidth=bandwidth, width=0.0)
         return found
 
     def minimise(self, start: Array, bandwidth: float, iterations: int = 20) -> Minimum:
@@ -106,8 +109,8 @@ def fit_apart(first: Fit, names: tuple[str, ...]) -> Fit:
         means = found.model.values
         means[at] = values.mean(axis=0)
         log, model = _moved_apart(found.log, names, values), found.model.with_values(means)
-        initial = np.array([best.point[problem.places(run)[len(found.free) :]] for run in range(len(values))])
-        begun = replace(found, log=log, model=model, initial=initial)
+        starts = [problem.alone(run).unpack(best.point[problem.places(run)])[1] for run in range(len(values))]
+        begun = replace(found, log=log, model=model, initial=np.vstack(starts))
         found = with_coloured_noise(with_its_clock(Problem.of(log, model, fixed=found.fixed).descend(begun)))
     return replace(found, parameters=_lines(found, first, problem, np.sqrt(np.diag(spread))))
 

@@ -127,12 +127,15 @@ class Predictor:
     unsettled: bool = False
 
     @property
-    def initials(self) -> int:
-        """I, how many numbers of the initial state of a run are fitted: angle and velocity, or all states.
+    def fitted_starts(self) -> tuple[int, ...]:
+        """(I,) the numbers of an initial state that are fitted: angle and velocity, and hidden states if `unsettled`.
 
-        The hidden states of a backlash are not fitted: the first impact makes them forgotten.
+        The states of a backlash are not fitted: the first impact makes them forgotten.
         """
-        return len(self.model.states) if self.unsettled and not self.model.chaotic else 2
+        if not self.unsettled:
+            return 0, 1
+        forgotten = drivetrain_states(self.model) if self.model.chaotic else range(0)
+        return tuple(place for place in range(len(self.model.states)) if place not in forgotten)
 
     def predict(
         self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
@@ -158,7 +161,7 @@ class Predictor:
         """`predict` piece by piece, with the index of the run: a pass over a long log with little memory."""
         free = self.free if sensitivities else None
         positioned = any(run.positioned for run in self.runs)
-        own_start = self.initials
+        own_start = len(self.fitted_starts)
         follow = _prediction(Structure(self.model), free, self.substeps, positioned, self.runs[0].response, own_start)
         for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
             carried = self._beginning(run, values, start, sensitivities)
@@ -190,10 +193,10 @@ class Predictor:
 
     def _beginning(self, run: Run, values: Array, start: Array, sensitivities: bool) -> list[Array]:
         """State (n,) at the first sample of a run, and its sensitivities (F + I, n); only the last I are not zero."""
-        own_start = self.initials
-        slopes = np.zeros((len(self.free) + own_start if sensitivities else 0, len(self.model.states)))
+        starts = self.fitted_starts
+        slopes = np.zeros((len(self.free) + len(starts) if sensitivities else 0, len(self.model.states)))
         if sensitivities:
-            slopes[-own_start:] = initial_moves(self.model)[:, :own_start].T
+            slopes[-len(starts) :] = initial_moves(self.model)[:, starts].T
         state = self.settled(run, values, start)
         state[2 : start.size] += start[2:]
         return [state, slopes]
@@ -327,6 +330,15 @@ def _prediction(
     return ca.Function("predict", entering, outputs, {"cse": kind is ca.SX})
 
 
+def drivetrain_states(model: ServoModel) -> range:
+    """Places of the states of the drivetrain."""
+    motor = model.drivetrain
+    if motor is None:
+        return range(0)
+    first = 2 + sum(len(effect.states) for effect in model.effects[: model.effects.index(motor)])
+    return range(first, first + len(motor.states))
+
+
 def forgetful(model: ServoModel, slopes: Any) -> Any:
     """Sensitivities (n, columns) in which those of a chaotic drivetrain are damped.
 
@@ -337,7 +349,7 @@ def forgetful(model: ServoModel, slopes: Any) -> Any:
     motor = model.drivetrain
     if motor is None or not motor.chaotic:
         return slopes
-    first = 2 + sum(len(effect.states) for effect in model.effects[: model.effects.index(motor)])
+    first = drivetrain_states(model).start
     rows = ca.vertsplit(slopes)
     kept = np.exp(-FADING)
     for place in (0, 1):

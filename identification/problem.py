@@ -28,7 +28,7 @@ from plant.effects.effect import Array
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
 _COLOURINGS = 3  # iterations between the colour of the errors and the fit
 _PARTS, _PART = 10, 5000  # parts of a long log, and samples of each, for the starting values
-_MOST_ITERATIONS = 200  # most iterations of the final minimisation
+_MOST_ITERATIONS = 200  # most iterations of a minimisation that has to converge
 _POLISH = 1e-8  # gain in log-likelihood below which the refinement stops
 _HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit can recover
 
@@ -91,7 +91,7 @@ class Problem(Objective):
         if not np.isfinite(minimum.equations.cost):
             return False
         runs = self.log.runs
-        initials = self.predictor.initials
+        initials = len(self.predictor.fitted_starts)
         grown = np.diag(minimum.equations.information)[-initials * len(runs) :]
         grown = grown[measured_state(self.log.response) :: initials]
         most = DIVERGED**2 * np.array([len(run) for run in runs])
@@ -252,7 +252,11 @@ class Problem(Objective):
         bandwidth, minimum = self._refined(trials)
         problem, best = unsettled_if_shown(self, minimum, bandwidth)
         if problem is not self:  # without the errors of the start another observer may be better
-            bandwidth, best = problem._refined({at: problem._trial(best.point, at, iterations=30) for at in trials})
+            again: dict[float, _Trial] = {}
+            for at in sorted(trials, reverse=True):
+                again[at] = problem._trial(best.point, at, iterations=_MOST_ITERATIONS)
+                best = again[at].minimum
+            bandwidth, best = problem._refined(again)
         return fit_with_errors(problem, bandwidth, best, evaluations)
 
     def _refined(self, trials: dict[float, _Trial]) -> tuple[float, Minimum]:

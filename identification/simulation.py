@@ -124,27 +124,31 @@ def starting_state(log: Log, start: Run, model: ServoModel, there: Array | None 
         begun[2:] = (there - predictor.settled(start, model.values, there[:2]))[2:]
     settled = _fitted(predictor, begun)
     free = replace(predictor, unsettled=True)
-    if there is not None or free.initials == predictor.initials:
-        return _with(begun, settled)
+    hidden = len(free.fitted_starts) - len(predictor.fitted_starts)
+    if there is not None or not hidden:
+        return _with(begun, settled, predictor)
     unsettled, samples = _fitted(free, begun), int(start.valid.sum())
     gain = 0.5 * samples * np.log(max(settled.equations.cost, 1e-300) / max(unsettled.equations.cost, 1e-300))
-    shown = gain > 0.5 * (free.initials - predictor.initials) * np.log(samples)  # Schwarz 1978
-    return _with(begun, unsettled if shown else settled)
+    shown = gain > 0.5 * hidden * np.log(samples)  # Schwarz 1978
+    return _with(begun, unsettled, free) if shown else _with(begun, settled, predictor)
 
 
 def _fitted(predictor: Predictor, begun: Array) -> Minimum:
-    """The fit of a free simulation by those numbers of the initial state (n,) that a predictor fits."""
+    """The fit of a free simulation by those numbers of an initial state (n,) that a predictor fits."""
     (start,) = predictor.runs
+    places = list(predictor.fitted_starts)
 
     def linearise(point: Array) -> NormalEquations:
-        begun[: point.size] = point
-        here = predictor.predict(predictor.model.values, begun[None, :], bandwidth=0.0, width=0.0)[0]
+        state = begun.copy()
+        state[places] = point
+        here = predictor.predict(predictor.model.values, state[None, :], bandwidth=0.0, width=0.0)[0]
         return NormalEquations.of(here.innovations, here.jacobian)
 
-    begun, unbounded = begun.copy(), np.full(predictor.initials, np.inf)
-    first, samples = begun[: predictor.initials], int(start.valid.sum())
-    return minimise(linearise, first.copy(), -unbounded, unbounded, samples=samples, iterations=10)
+    unbounded, samples = np.full(len(places), np.inf), int(start.valid.sum())
+    return minimise(linearise, begun[places], -unbounded, unbounded, samples=samples, iterations=10)
 
 
-def _with(begun: Array, fitted: Minimum) -> Array:
-    return np.concatenate((fitted.point, begun[fitted.point.size :]))
+def _with(begun: Array, fitted: Minimum, predictor: Predictor) -> Array:
+    state = begun.copy()
+    state[list(predictor.fitted_starts)] = fitted.point
+    return state

@@ -25,7 +25,7 @@ _RANK_TOLERANCE = 1e-9  # relative singular value below which two states act ali
 
 def charge(objective: Objective) -> float:
     """Loss of log-likelihood for the hidden initial states of an objective, half the log of the samples for each."""
-    hidden = (objective.predictor.initials - 2) * len(objective.log.runs)
+    hidden = (len(objective.predictor.fitted_starts) - 2) * len(objective.log.runs)
     return 0.5 * hidden * float(np.log(objective.samples))
 
 
@@ -38,7 +38,7 @@ def unsettled_if_shown(settled: Fitted, minimum: Minimum, bandwidth: float) -> t
         bandwidth: of the observer [rad/s].
     """
     free = _with_hidden_states(settled)
-    if free.predictor.initials == settled.predictor.initials or not np.isfinite(minimum.equations.cost):
+    if free.predictor.fitted_starts == settled.predictor.fitted_starts or not np.isfinite(minimum.equations.cost):
         return settled, minimum
     least = log_likelihood(minimum.equations.cost, settled.samples) + charge(free)
     if not log_likelihood(_promised(free, *settled.unpack(minimum.point), bandwidth), free.samples) > least:
@@ -52,8 +52,10 @@ def unsettled_if_shown(settled: Fitted, minimum: Minimum, bandwidth: float) -> t
 def _with_hidden_states(objective: Fitted) -> Fitted:
     """The objective with the hidden initial states of all runs among its unknowns."""
     log, predictor = replace(objective.log, unsettled=True), replace(objective.predictor, unsettled=True)
-    more = np.full((predictor.initials - objective.predictor.initials) * len(log.runs), np.inf)
-    lower, upper = np.concatenate((objective.lower, -more)), np.concatenate((objective.upper, more))
+    unbounded, free = np.full(len(predictor.fitted_starts) * len(log.runs), np.inf), len(objective.free)
+    lower, upper = (
+        np.concatenate((own[:free], side * unbounded)) for own, side in ((objective.lower, -1), (objective.upper, 1))
+    )
     return replace(objective, log=log, predictor=predictor, lower=lower, upper=upper)
 
 
@@ -66,10 +68,10 @@ def _promised(free: Objective, values: Array, initial: Array, bandwidth: float) 
     def predicted(begun: Array) -> list[Prediction]:
         return free.predictor.predict(values, begun, bandwidth=bandwidth, width=0.0, sensitivities=False)
 
-    begun = np.pad(initial, ((0, 0), (0, free.predictor.initials - 2)))
+    begun = np.pad(initial, ((0, 0), (0, len(free.model.states) - 2)))
     here = predicted(begun)
     steps = _ASIDE * np.diag(np.ptp(np.hstack([one.states for one in here]), axis=1))
-    moved = [predicted(begun + step) for step in steps]
+    moved = [predicted(begun + steps[place]) for place in free.predictor.fitted_starts]
     cost = 0.0
     for run, one in enumerate(here):
         columns = np.column_stack([each[run].innovations - one.innovations for each in moved])

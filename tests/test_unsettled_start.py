@@ -10,10 +10,11 @@ import pytest
 from identification import fit
 from identification.fit_result import Fit
 from identification.log import Log
-from identification.problem import Problem
+from identification.problem import Problem, first_states
 from identification.simulation import free_simulation
+from identification.unsettled_start import unsettled_if_shown
 from plant import ServoModel, simulate
-from plant.effects import ActuatorLag, Compliance, SensorLag
+from plant.effects import ActuatorLag, Backlash, Compliance, SensorLag
 
 DT, NOISE = 0.01, 1e-4
 RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=3.0)
@@ -67,6 +68,19 @@ def test_a_run_from_rest_begins_settled(truth: ServoModel) -> None:
 def test_a_rigid_body_has_no_hidden_start() -> None:
     found = fitted(cut(RIGID, 333)[0], RIGID)
     assert not found.log.unsettled
+
+
+def test_a_lag_before_a_backlash_has_its_hidden_start() -> None:
+    gap = Backlash(gap=0.02, motor_share=0.4)
+    both = replace(LAGGED, effects=(*LAGGED.effects, gap))
+    log, _ = cut(both, 333)
+    problem = Problem.of(log, both, fixed=both.names)
+    settled = problem.minimise(problem.pack(both.values, first_states(log)), 5.0, 0.0)
+    free, best = unsettled_if_shown(problem, settled, 5.0)
+    assert free.predictor.fitted_starts == (0, 1, both.states.index("actuator_lag"))
+    _, initial = free.unpack(best.point)
+    assert initial[0, 2] < -0.1  # the other flank is touched at the start, which is not fitted
+    assert not initial[0, 3:].any()
 
 
 def test_every_run_has_its_own_hidden_start() -> None:
