@@ -59,8 +59,7 @@ class Problem(Objective):
             free: fit the output error (open-loop simulation), even if an observer is more likely.
             progress: called with a line of text at each stage.
         """
-        fastest = 1.0 / self.log.runs[0].sample_time
-        widest = 0.1 * fastest
+        widest = 0.1 / self.log.runs[0].sample_time
         at_first = first_states(self.log)
         candidates = [self.model.values, *(starts or ()), *starting_values(_parts(self.log), self.model)]
         points = [np.clip(self.pack(values, at_first), self.lower, self.upper) for values in candidates]
@@ -82,8 +81,6 @@ class Problem(Objective):
             bandwidth: self._trial(minimum.point, bandwidth, 4) if smoothed else self._judged(minimum, bandwidth)
             for bandwidth, minimum in visited
         }
-        best = max(trials.values(), key=lambda trial: trial.score).minimum
-        trials[fastest] = self._trial(best.point, fastest, 4)  # the score may have another maximum there
         return self._held(self._finished(trials, sum(m.evaluations for _, m in visited)))
 
     def _plausible(self, minimum: Minimum) -> bool:
