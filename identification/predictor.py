@@ -299,7 +299,7 @@ def _prediction(
     substeps: int,
     positioned: bool,
     response: Response,
-    initials: int,
+    initials: int = 2,
 ) -> Any:
     """(state, slopes), rows of `run_inputs`, parameters -> error, its slopes, predicted state, at each sample.
 

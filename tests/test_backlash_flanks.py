@@ -168,6 +168,9 @@ def test_the_smoothed_likelihood_decides_between_two_peaks(
 class Stub(SimpleNamespace):
     """A fit as far as the search looks at it."""
 
+    def initial_of(self, model: Any) -> None:
+        """Its initial states, of which the search makes nothing."""
+
 
 class Refitted(dict[str, Any]):
     """A fit as far as its lines are read."""

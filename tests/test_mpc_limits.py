@@ -87,11 +87,11 @@ def test_a_reference_beyond_the_limit_stops_at_the_limit(reference: Callable[[Ar
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_big_step_keeps_the_speed_limit(sense: float) -> None:
-    states, controls = follow(four_hertz(RIGID, PAPER, speed_limit=0.3), lambda time: sense * jump(time), 600)
+def test_a_big_step_keeps_the_speed_limit(direction: float) -> None:
+    states, controls = follow(four_hertz(RIGID, PAPER, speed_limit=0.3), lambda time: direction * jump(time), 600)
     assert np.max(np.abs(states[:, 1])) < 0.3 + 1e-6
     assert np.sum(np.abs(states[:, 1]) > 0.2999) > 100  # and reaches the limit
-    assert states[-1, 0] == pytest.approx(sense * 0.5, abs=1e-3)
+    assert states[-1, 0] == pytest.approx(direction * 0.5, abs=1e-3)
     assert {control.status for control in controls} == {"optimal"}
     assert np.max(np.abs(follow(four_hertz(RIGID, PAPER), jump)[0][:, 1])) > 0.5
 
