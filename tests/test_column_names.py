@@ -456,3 +456,18 @@ def test_a_force_alone_still_needs_a_position(csv):
 def test_a_joint_that_rests_is_not_passed_over(csv):
     with pytest.raises(MissingColumns):
         Log.read(csv({"time": TIME, "torque": TORQUE, "q1": 0 * ANGLE, "q2": ANGLE}))
+
+
+@pytest.mark.parametrize("name", ["i2t", "motor_i2t [%]", "I2T"])
+def test_the_load_of_a_motor_winding_is_no_time(name) -> None:
+    assert meaning(name) is None
+
+
+def test_a_refusal_of_a_wide_table_lists_what_may_be_used(csv) -> None:
+    wide = {f"trace_{place:03}": SOUND["torque"] for place in range(200)} | {"Torque": TORQUE, "time": TIME}
+    with pytest.raises(MissingColumns) as refused:
+        Log.read(csv(wide))
+    listed = str(refused.value).splitlines()
+    assert len(listed) < 70
+    assert any(line.split()[:1] == ["time"] for line in listed)
+    assert any(line.strip() == "and 142 other columns" for line in listed)

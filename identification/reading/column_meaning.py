@@ -57,6 +57,7 @@ NOUNS: Mapping[str, tuple[str, ...]] = {
         "v d",
         "dq d",
         "tau d",
+        "i 2 t",
         *_SPANS,
     ),
     "acceleration": ("acceleration", "acc", "accel", "ddq", "qdd", "ddtheta", "jerk"),

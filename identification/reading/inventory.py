@@ -19,6 +19,7 @@ from identification.reading.units import si_unit
 
 _DATE = re.compile(r"\d[:/-]\d")  # a date, or a time of day
 _LONGEST = 24  # characters of a text cell that are shown
+_MOST = 60  # columns that a refusal lists
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +69,7 @@ def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
     facts = inventory(table, known)
     first = f"{table.name}: none of its columns is recognised as {_listed(lacking)}."
     options = suggested_options(table, known, lacking_time=lacking[0].startswith("'time'"))
-    raise MissingColumns("\n".join([first, *lines(facts)]), options)
+    raise MissingColumns("\n".join([first, *lines(facts, most=_MOST)]), options)
 
 
 def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -> str:
@@ -102,8 +103,11 @@ def _rises(values: NDArray[np.generic]) -> bool:
     return bool(np.all(steps >= 0) and np.any(steps > 0) and np.any(steps != 1))
 
 
-def lines(facts: Sequence[ColumnFacts]) -> list[str]:
-    """The facts as a table, one line per column of the file."""
+def lines(facts: Sequence[ColumnFacts], most: int | None = None) -> list[str]:
+    """The facts as a table, one line per column of the file; of more than `most` those with a use come first."""
+    if most is not None and len(facts) > most:
+        listed = sorted(facts, key=lambda one: not _use(one))[:most]
+        return [*lines(listed), f"  and {len(facts) - most} other columns"]
     shown = [(one.name, one.unit or one.assumed, one.range, _use(one)) for one in facts]
     rows = [("column", "unit", "range", "used as"), *shown]
     widths = [max(len(row[place]) for row in rows) for place in range(4)]
