@@ -152,9 +152,7 @@ def torque_error_samples(log: Log, model: ServoModel, *, cutoff: float) -> tuple
         m = filtered_motion(run, cutoff, model)
         edge = min(m.time.size // 10, round(2.0 / (cutoff * run.sample_time)))
         inner = slice(edge, m.time.size - edge)
-        inertial, other = _needed(own_model(run, model), m)
-        # The jumps of friction and the waves of a ripple pass the low pass of the measured torque (Gautier 1997).
-        misses.append((m.torque - inertial - smooth(other, cutoff, float(m.time[1] - m.time[0])))[inner])
+        misses.append((m.torque - needed_torque(own_model(run, model), m))[inner])
         torques.append(m.torque[inner])
     return np.concatenate(misses), np.concatenate(torques)
 
@@ -164,19 +162,13 @@ def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
 
     At standstill dry friction balances a range of torques: the one nearest to the measured torque is taken.
     """
-    inertial, other = _needed(model, motion)
-    return inertial + other
-
-
-def _needed(model: ServoModel, motion: FilteredMotion) -> tuple[Array, Array]:
-    """(T,) torque that accelerates the inertia, and (T,) all other torque that is needed [N m]."""
     travels = np.diff(motion.angle, prepend=motion.angle[0])
     rows = np.column_stack(
         (motion.angle, motion.velocity, motion.time, motion.torque, travels, motion.still.astype(float))
     )
     step = np.array([motion.time[1] - motion.time[0]])
     _, (torque, inertia) = _passive(Structure(model))((np.zeros(len(model.states)),), rows, model.values, step)
-    return inertia[:, 0] * motion.acceleration, torque[:, 0]
+    return inertia[:, 0] * motion.acceleration + torque[:, 0]
 
 
 @recursion(carried=1)
