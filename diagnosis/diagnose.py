@@ -102,18 +102,23 @@ def diagnose(
     if given is not None and (twice := fitted_too(log, given)) is not None:
         notes.append(f"{twice}: this run is fitted too, so it validates nothing; give another one.")
     found = _diagnosed(estimation, validation, start, known, effects, tell, notes)
-    if found.only_in_validation is None:
+    named = bool(found.causes) and found.only_in_validation is None
+    beside = only_in_validation(found.extended, validation) if named and given is None else None
+    where = found.only_in_validation if beside is None else str(beside)
+    if where is None:
         return found
     if is_of_parameters(found.extended, validation):
-        changed = f"{found.only_in_validation}; the model follows it with other values of its parameters."
+        changed = f"{where}; the model follows it with other values of its parameters."
         return replace(found, warnings=(*found.warnings, changed))
-    alone = f"{found.only_in_validation}: an effect acts there that the estimation data do not show."
+    alone = f"{where}: an effect acts there that the estimation data do not show."
     if given is None and (other := split_otherwise(log)) is not None:
         estimation, validation, sentence = other
         why = f"{alone} So that part is used for estimation."
         tell(why)
         with suppress(Unidentifiable):
-            return _diagnosed(estimation, validation, start, known, effects, tell, [why, sentence])
+            again = _diagnosed(estimation, validation, start, known, effects, tell, [why, sentence])
+            if not named or len(again.causes) > len(found.causes):
+                return again
     advice = f"{alone} Use that part for estimation and another one for validation."
     return replace(found, warnings=(*found.warnings, advice))
 

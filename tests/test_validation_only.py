@@ -95,6 +95,23 @@ def test_what_happens_there_alone_is_learnt_from() -> None:
     assert "Validation data: the first 30 % of the only run, until 5.995 s." in found.warnings
 
 
+def test_beside_what_is_named_it_is_learnt_from_too() -> None:
+    """A late payload is a small part of the base model's error: the offset is named, and nothing seems to remain."""
+    hidden = Machine().hiding(
+        torque_offset={"torque": 2.0}, payload_change={"time": 31.0, "inertia": 0.1, "gravity": 0.05}
+    )
+    time = 0.005 * np.arange(8000)
+    log = record(hidden, 12.0 * np.sin(1.2 * time) + 8.0 * np.sin(3.1 * time), seed=4).log()
+    few = ("torque_offset", "payload_change", "cogging")
+    estimation, validation, _ = split(log)
+    chosen = diagnose(estimation, holdout=validation, candidates=few)
+    assert (chosen.verdict, [cause.effect for cause in chosen.causes]) == ("named", ["torque_offset"])
+    assert chosen.unexplained.share < 0.1
+    found = diagnose(log, candidates=few)
+    assert (found.verdict, {cause.effect for cause in found.causes}) == ("named", {"torque_offset", "payload_change"})
+    assert any("So that part is used for estimation" in line for line in found.warnings)
+
+
 def test_validation_data_that_somebody_chose_stay_what_they_are() -> None:
     estimation, validation, _ = split(late())
     found = diagnose(estimation, holdout=validation, candidates=("coulomb_friction", "cogging"))
