@@ -23,10 +23,14 @@ _ASIDE = 1e-3  # of the range of a state: step of a difference
 _RANK_TOLERANCE = 1e-9  # relative singular value below which two states act alike
 
 
+def hidden_starts(objective: Objective) -> int:
+    """Number of hidden initial states, of all runs, among the unknowns of an objective."""
+    return (len(objective.predictor.fitted_starts) - 2) * len(objective.log.runs)
+
+
 def charge(objective: Objective) -> float:
     """Loss of log-likelihood for the hidden initial states of an objective, half the log of the samples for each."""
-    hidden = (len(objective.predictor.fitted_starts) - 2) * len(objective.log.runs)
-    return 0.5 * hidden * float(np.log(objective.samples))
+    return 0.5 * hidden_starts(objective) * float(np.log(objective.samples))
 
 
 def unsettled_if_shown(settled: Fitted, minimum: Minimum, bandwidth: float) -> tuple[Fitted, Minimum]:

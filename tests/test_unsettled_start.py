@@ -7,11 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.evidence.marginal import families_along
+from diagnosis.evidence.set_likelihood import SetLikelihood
+from diagnosis.falsification import _squared_innovations
 from identification import fit
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem, first_states
 from identification.simulation import free_simulation
+from identification.standard_errors import fit_with_errors
 from identification.unsettled_start import unsettled_if_shown
 from plant import ServoModel, simulate
 from plant.effects import ActuatorLag, Backlash, Compliance, SensorLag
@@ -105,3 +109,22 @@ def test_states_go_by_name_to_another_model() -> None:
     assert found.initial_of(both)[0, both.states.index("actuator_lag")] == found.initial[0, 2]
     assert found.initial_of(both)[0, both.states.index("sensor_lag")] == 0.0
     np.testing.assert_array_equal(found.initial_of(RIGID), found.initial[:, :2])
+
+
+def test_hidden_starts_that_nothing_shows_cost_evidence() -> None:
+    log, _ = cut(LAGGED, 0)
+    settled = fitted(log, LAGGED)
+    problem = Problem.of(replace(settled.log, unsettled=True), settled.model)
+    best = problem.minimise(problem.pack(settled.model.values, settled.initial), settled.bandwidth, 0.0)
+    free = fit_with_errors(problem, settled.bandwidth, best, 0)
+    families = families_along(settled)
+    assert families is not None
+    likelihoods = [SetLikelihood.at(each, ["actuator_lag"], families) for each in (settled, free)]
+    less = [each.log_likelihood for each in likelihoods if each is not None]
+    assert less[0] - less[1] == pytest.approx(0.5 * np.log(settled.samples), abs=2.0)
+
+
+def test_validation_data_may_begin_in_motion() -> None:
+    found = fitted(cut(LAGGED, 0)[0], LAGGED)
+    squares = _squared_innovations(cut(LAGGED, 333)[0], found, 1.0)
+    assert np.mean(squares[:30]) < 3.0 * np.mean(squares[30:])

@@ -15,7 +15,7 @@ from diagnosis.evidence.prior import log_density
 from diagnosis.linear import response
 from identification.fit_result import Fit
 from identification.problem import Problem
-from identification.unsettled_start import charge
+from identification.unsettled_start import charge, hidden_starts
 from plant.effects.effect import Array
 from plant.effects.nonparametric_curve import Nonparametric
 
@@ -63,7 +63,7 @@ class SetLikelihood:
             noise=noise,
             unmodelled=responses.columns[:, :torques] @ discrepancy.posterior.functions[:torques],
             discrepancy=discrepancy,
-            log_likelihood=discrepancy.posterior.log_likelihood + volume - charge(problem),
+            log_likelihood=discrepancy.posterior.log_likelihood + volume - _start(problem, discrepancy.posterior),
         )
 
     @property
@@ -86,6 +86,14 @@ class SetLikelihood:
         whole = self.discrepancy.beyond_initial_states(response(self.here.filters, torque[:, None], on_reading=False))
         beyond = self.here.nuisance().beyond(self.unmodelled)
         return float(np.linalg.norm(beyond)) / max(float(np.linalg.norm(whole)), 1e-300)
+
+
+def _start(problem: Problem, beside: Posterior) -> float:
+    """Cost of hidden initial states with a prior as wide as one sample tells (Kass and Wasserman 1995).
+
+    The likelihood has one degree of freedom less for each; their prior density makes up for its unit.
+    """
+    return charge(problem) + 0.5 * hidden_starts(problem) * float(np.log(2.0 * np.pi * beside.variance))
 
 
 def _charged(fit: Fit, here: Linearised, names: Collection[str]) -> list[int]:
