@@ -14,7 +14,7 @@ import typer
 
 from antidrive import __version__, completion
 from antidrive.cli_drive_options import DRIVES, LIMITS, TUNING, with_options
-from antidrive.cli_fit_options import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
+from antidrive.cli_fit_options import Bounds, Candidates, Effects, Exclude, Fixed, Inverse, PerRun, Prior, fit_options
 from antidrive.cli_log_options import with_log
 from antidrive.cli_options import OUT, Force, Json, Out, Quiet, Seed
 from antidrive.compare_command import compare
@@ -79,6 +79,7 @@ def identify(
     prior: Prior = None,
     per_run: PerRun = None,
     effects: Effects = None,
+    inverse: Inverse = None,
     force: Force = False,
     out: Out = OUT,
     seed: Seed = 0,
@@ -89,7 +90,7 @@ def identify(
     from antidrive import commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
-    known = fit_options(fixed=fixed, bounds=bounds, prior=prior, per_run=per_run, effects=effects)
+    known = fit_options(fixed=fixed, bounds=bounds, prior=prior, per_run=per_run, effects=effects, inverse=inverse)
     commands.identify(log, base=base, known=known, force=force, out=out, seed=seed, console=console)
 
 
@@ -106,6 +107,7 @@ def diagnose(
     candidates: Candidates = None,
     exclude: Exclude = None,
     effects: Effects = None,
+    inverse: Inverse = None,
     force: Force = False,
     out: Out = OUT,
     seed: Seed = 0,
@@ -117,7 +119,13 @@ def diagnose(
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
     known = fit_options(
-        fixed=fixed, bounds=bounds, prior=prior, candidates=candidates, exclude=exclude, effects=effects
+        fixed=fixed,
+        bounds=bounds,
+        prior=prior,
+        candidates=candidates,
+        exclude=exclude,
+        effects=effects,
+        inverse=inverse,
     )
     commands.diagnose(log, base=base, known=known, force=force, out=out, seed=seed, console=console)
 

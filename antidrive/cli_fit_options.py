@@ -68,6 +68,15 @@ Effects = Annotated[
     Path | None,
     typer.Option("--effects", rich_help_panel=PANEL, metavar="FILE.py", help="Python file with effects of your own."),
 ]
+Inverse = Annotated[
+    bool | None,
+    typer.Option(
+        "--inverse/--no-inverse",
+        rich_help_panel=PANEL,
+        help="Predict the torque from the motion, as for a robot joint in a tight loop. By default diagnose does so if "
+        "no effect explains the motion.",
+    ),
+]
 
 
 def fit_options(**words: Any) -> Any:

@@ -65,6 +65,7 @@ def identify(
                 bounds=known.bounds,
                 prior=known.prior,
                 per_run=known.per_run,
+                inverse=bool(measured.inverse if known.inverse is None else known.inverse),
                 force=force,
                 progress=progress,
             )
@@ -73,7 +74,8 @@ def identify(
                 why = torque_follows(found.log) or f"The fit failed: {found.failed}"
             if why is not None and not force:
                 raise Unidentifiable(why)
-            simulated = free_simulation(measured.log, found.model)
+            recorded = found.log if found.log.response == "torque" else measured.log
+            simulated = free_simulation(recorded, found.model)
         content = fit_to_dict(found)
         unidentifiable = (*identifiability_warnings(found), *filter(None, (unexplained_torque(found),)))
         content["data"]["warnings"] += unidentifiable
@@ -115,6 +117,7 @@ def diagnose(
                 prior=known.prior,
                 candidates=known.choice(own),
                 exclude=known.exclude,
+                inverse=measured.inverse if known.inverse is None else known.inverse,
                 force=force,
                 progress=progress,
             )

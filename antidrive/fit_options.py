@@ -24,6 +24,7 @@ class FitOptions:
         per_run: parameters with a separate value in each run; for a fit, not for a diagnosis.
         exclude, candidates: names of effects.
         effects: a file that defines custom effects.
+        inverse: whether a diagnosis predicts the torque from the motion; None if it decides itself.
     """
 
     fixed: Mapping[str, float | None] = field(default_factory=dict)
@@ -33,6 +34,7 @@ class FitOptions:
     exclude: tuple[str, ...] = ()
     candidates: tuple[str, ...] = ()
     effects: Path | None = None
+    inverse: bool | None = None
 
     @classmethod
     def typed(
@@ -45,6 +47,7 @@ class FitOptions:
         exclude: Sequence[str] | None = None,
         candidates: Sequence[str] | None = None,
         effects: Path | None = None,
+        inverse: bool | None = None,
     ) -> FitOptions:
         """From the words of a command line: `inertia`, `inertia=0.1:0.3`, `cogging,backlash`.
 
@@ -59,6 +62,7 @@ class FitOptions:
             exclude=tuple(_split("--exclude", exclude)),
             candidates=tuple(_split("--candidates", candidates)),
             effects=effects,
+            inverse=inverse,
         )
 
     @classmethod
@@ -71,6 +75,7 @@ class FitOptions:
             prior = { viscous_friction = [0.2, 0.05] }
             exclude = ["backlash"]
             effects = "my_effect.py"
+            inverse = true
 
         Raises:
             BadParameter: an unknown key, or a value of the wrong kind.
@@ -82,6 +87,9 @@ class FitOptions:
         effects = table.get("effects")
         if effects is not None and not isinstance(effects, str):
             raise BadParameter(f"[fit] effects must be the path of a Python file, not {effects!r}.")
+        inverse = table.get("inverse")
+        if inverse is not None and not isinstance(inverse, bool):
+            raise BadParameter(f"[fit] inverse must be true or false, not {inverse!r}.")
         return cls(
             fixed=_by_name("[fit] fixed", _names(table, "fixed"), _maybe, "inertia=0.2"),
             bounds=_pairs(table, "bounds"),
@@ -90,6 +98,7 @@ class FitOptions:
             exclude=_names(table, "exclude"),
             candidates=_names(table, "candidates"),
             effects=None if effects is None else folder / effects,
+            inverse=inverse,
         )
 
     def merged(self, other: FitOptions) -> FitOptions:
@@ -103,6 +112,7 @@ class FitOptions:
             exclude=other.exclude or self.exclude,
             candidates=other.candidates or self.candidates,
             effects=other.effects or self.effects,
+            inverse=self.inverse if other.inverse is None else other.inverse,
         )
 
     def own_effects(self) -> tuple[type[Effect], ...]:

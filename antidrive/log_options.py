@@ -27,6 +27,7 @@ class Measured:
     Attributes:
         base: model to start from; None if nothing is known.
         fixed: parameters that the machine does not have.
+        inverse: whether its torque is to be predicted from the motion; None if that is not known.
     """
 
     log: Log
@@ -34,6 +35,7 @@ class Measured:
     notes: tuple[str, ...] = ()
     base: ServoModel | None = None
     fixed: tuple[str, ...] = ()
+    inverse: bool | None = None
 
     def absent(self, start: ServoModel | None) -> tuple[str, ...]:
         """Parameters that the known machine does not have, which are not fitted, unless the user gave a model."""
@@ -177,7 +179,12 @@ class LogOptions:
         files = self.data if self.data is not None else list(self.files)
         loaded = load_dataset(str(self.dataset), files, joint=None if self.joint is None else int(self.joint))
         return Measured(
-            log=loaded.estimation, holdout=loaded.holdout, notes=loaded.notes, base=loaded.base, fixed=loaded.fixed
+            log=loaded.estimation,
+            holdout=loaded.holdout,
+            notes=loaded.notes,
+            base=loaded.base,
+            fixed=loaded.fixed,
+            inverse=loaded.inverse,
         )
 
 

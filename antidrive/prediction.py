@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antidrive.remaining_time import Parts, Tell
+from diagnosis.explanation.wording import torque_or_force
 from diagnosis.jackknife import jackknife
 from identification.log import Log
 from identification.log_like import LogLike, log_of
@@ -145,9 +146,11 @@ def table(found: Prediction, run: int, rows: slice = slice(None)) -> pd.DataFram
 
 
 def quantity(log: Log) -> str:
-    """Name of what the log measures: angle, position or velocity."""
+    """Name of what is predicted: angle, position or velocity; of an inverse model torque or force."""
     if log.response == "velocity":
         return "velocity"
+    if log.response == "torque":
+        return torque_or_force(log.command_unit)
     return "angle" if log.axis == "rotary" else "position"
 
 

@@ -185,6 +185,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         "gain": gain,
         "errors": [] if gain is None else _errors(diagnosis, gain, extended),
         "unit": unit,
+        "inverse": diagnosis.base.log.response == "torque",
         "replays": [
             (replay.label, figures.replay_figure(replay, shown, unit, extended=extended)) for replay in replays
         ],

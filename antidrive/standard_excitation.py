@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from diagnosis.experiment.separation import blank_run
-from diagnosis.linear import AT_ONCE, Linear, linearised
+from diagnosis.linear import AT_ONCE, Filter, linearised
 from identification.predictor import Prediction, Predictor
 from identification.run import Run
 from plant.discrete import INPUTS, integration_steps
@@ -109,7 +109,7 @@ class StandardExcitation:
         return np.asarray(np.linalg.qr(jacobian[:, np.any(jacobian != 0.0, axis=0)])[0])
 
     @cached_property
-    def _linear(self) -> Linear:
+    def _linear(self) -> Filter:
         return linearised(self.model, self._run, self._prediction, 0.0, substeps=self._substeps)
 
     @cached_property

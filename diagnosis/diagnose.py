@@ -6,54 +6,27 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
-import numpy as np
-
 from diagnosis.candidates import Choice, chosen
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.evidence.marginal import Explanation
-from diagnosis.evidence.posterior import Posterior
-from diagnosis.evidence.search_over_sets import explore
-from diagnosis.extrapolation import extrapolation_warning
-from diagnosis.falsification import Tenable, predicts_worse, tenable
-from diagnosis.formula_suggestion import suggested_formula
-from diagnosis.holdout import measure_gain, remaining
-from diagnosis.holdout_refit import holdout_differences
-from diagnosis.identifiability import identifiability_warnings, standstill
-from diagnosis.inverse_model import (
-    inverse_errors,
-    torque_follows,
-    torque_predicted_worse,
-    unexplained_in_validation,
-    unexplained_torque,
-)
-from diagnosis.levels import CLEARLY, DECISIVE, LIKELY, SURE
-from diagnosis.multimodal_likelihood import on_its_best_peak
-from diagnosis.nonparametric_residual import with_curves
-from diagnosis.refit import estimates
-from diagnosis.rejection import rejected
-from diagnosis.repeated_runs import repeats
-from diagnosis.residual_torque import ResidualTorque, effects_over, residual_torque, torque_of
-from diagnosis.result import Cause, EffectSet, Minor, Unknown
-from diagnosis.stretches import stretches
+from diagnosis.one_reading import diagnose_once
 from diagnosis.validation_only import is_of_parameters, only_in_validation
 from diagnosis.validation_split import fitted_too, parts, split_otherwise
-from diagnosis.verdict import Judgement, alternatives, judged, log_bayes, variables_instead
-from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
-from identification.fit import base_model, fit_with_prior, known_of
-from identification.fit_result import Fit
+from identification.fit import base_model, known_of
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.prior_knowledge import Fixed, Pairs, PriorKnowledge
-from identification.slower_observer import behind_a_slower_observer, torque_log_likelihood_gain
 from identification.threads import without_blas_threads
-from identification.time_stamp_jitter import evenly_timed
-from plant.effects.effect import Array, Effect
-from plant.effects.nonparametric import of_reading, unnamed
+from plant.effects.effect import Effect
 from plant.model_file import ModelLike, model_of
 from plant.servo import ServoModel
 
-_FAILED = "The fit of the base model failed: "
+_NOT_SHOWN = "it does not show effects of the actuator, of a flexible drivetrain and of the sensor"
+_INVERSE = f"The torque is predicted from the motion (inverse model): {_NOT_SHOWN}."
+_INVERSE_INSTEAD = (
+    "No effect explains how the motion follows from the torque. So the torque is predicted from the motion, as for a "
+    f"joint in a tight loop (inverse model): {_NOT_SHOWN}."
+)
 
 
 @without_blas_threads
@@ -67,6 +40,7 @@ def diagnose(
     prior: Pairs | None = None,
     candidates: Sequence[Choice] | None = None,
     exclude: Collection[str] = (),
+    inverse: bool | None = None,
     force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
@@ -82,6 +56,8 @@ def diagnose(
         candidates: candidate effects, by their name in the catalogue or as classes, custom effects included. By default
             the whole catalogue.
         exclude: names of effects that are not candidates.
+        inverse: whether to predict the torque from the motion, as for a robot in a tight loop. By default this is done
+            if no effect explains the motion.
         force: diagnose also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each step.
 
@@ -101,9 +77,57 @@ def diagnose(
     estimation, validation, notes = parts(log, given)
     if given is not None and (twice := fitted_too(log, given)) is not None:
         notes.append(f"{twice}: this run is fitted too, so it validates nothing; give another one.")
-    found = _diagnosed(estimation, validation, start, known, effects, tell, notes)
+
+    def by_motion() -> Diagnosis:
+        return _by_motion(log, (estimation, validation), start, known, effects, tell, notes, divided=given is None)
+
+    def by_torque(why: str) -> Diagnosis:
+        told = (start.on_the_load(), known, effects, tell, [*notes, why])
+        return diagnose_once((estimation, validation), *told, inverse=True)
+
+    if inverse is not None:
+        return by_torque(_INVERSE) if inverse else by_motion()
+    found, refusal = None, None
+    try:
+        found = by_motion()
+    except Unidentifiable as error:
+        refusal = error
+    if found is not None and found.verdict != "unknown":
+        return found
+    tell("predicting the torque from the motion")
+    with suppress(Unidentifiable):
+        other = by_torque(_INVERSE_INSTEAD)
+        if other.causes and other.verdict != "unknown":
+            return other
+    if found is None:
+        raise refusal or AssertionError
+    return found
+
+
+def _by_motion(
+    log: Log,
+    recorded: tuple[Log, Log],
+    start: ServoModel,
+    known: PriorKnowledge,
+    effects: Mapping[str, type[Effect]],
+    tell: Callable[[str], None],
+    notes: Sequence[str],
+    *,
+    divided: bool,
+) -> Diagnosis:
+    """The diagnosis that predicts the motion; once more if an effect acts in the validation data only.
+
+    Args:
+        log: all data.
+        recorded: estimation and validation data.
+        start, known, effects, tell: as in `diagnose`.
+        notes: warnings on how the data were divided.
+        divided: whether they are parts of the log and may be divided otherwise.
+    """
+    validation = recorded[1]
+    found = diagnose_once(recorded, start, known, effects, tell, notes)
     named = bool(found.causes) and found.only_in_validation is None
-    beside = only_in_validation(found.extended, validation) if named and given is None else None
+    beside = only_in_validation(found.extended, validation) if named and divided else None
     where = found.only_in_validation if beside is None else str(beside)
     if where is None:
         return found
@@ -111,205 +135,12 @@ def diagnose(
         changed = f"{where}; the model follows it with other values of its parameters."
         return replace(found, warnings=(*found.warnings, changed))
     alone = f"{where}: an effect acts there that the estimation data do not show."
-    if given is None and (other := split_otherwise(log)) is not None:
-        estimation, validation, sentence = other
+    if divided and (other := split_otherwise(log)) is not None:
         why = f"{alone} So that part is used for estimation."
         tell(why)
         with suppress(Unidentifiable):
-            again = _diagnosed(estimation, validation, start, known, effects, tell, [why, sentence])
+            again = diagnose_once(other[:2], start, known, effects, tell, [why, other[2]])
             if not named or len(again.causes) > len(found.causes):
                 return again
     advice = f"{alone} Use that part for estimation and another one for validation."
     return replace(found, warnings=(*found.warnings, advice))
-
-
-def _diagnosed(
-    log: Log,
-    held_out: Log,
-    start: ServoModel,
-    known: PriorKnowledge,
-    effects: Mapping[str, type[Effect]],
-    tell: Callable[[str], None],
-    notes: Sequence[str],
-) -> Diagnosis:
-    """Diagnosis of a log with given validation data; `notes` are the warnings on how the data were divided."""
-    log, shorter = stretches(log)
-    tell("fitting the base model")
-    null = fit_with_prior(log, start, known, tell, of_the_sensor=True)
-    if null.failed is not None:  # with white noise, an observer follows a closed loop for any torque
-        null = fit_with_prior(log, start, known, tell)
-    if (still := standstill(null)) is not None:
-        raise Unidentifiable(still)
-    failed = null.failed
-    if failed is not None:  # the base model lacks too much
-        null = behind_a_slower_observer(log, start, known) or null
-    if null.failed is not None:
-        raise Unidentifiable(torque_follows(log) or _FAILED + null.failed)
-    held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
-    found = tenable(null, explore(null, effects, tell).known.values(), held_out)
-    if failed is not None and torque_log_likelihood_gain(found.fit) < DECISIVE:
-        raise Unidentifiable(torque_follows(log) or _FAILED + failed)
-    tell("fitting non-parametric curves")
-    found = replace(found, fit=on_its_best_peak(found.fit, found.without))
-    best, named = found.posterior.best, found.fit
-    missing, again = residual_torque(named), repeats(named)
-    final = with_curves(named, null)
-    shows = final is not named or (again is not None and again.deterministic)
-    if final is not named and predicts_worse(named, final, held_out):
-        final = named
-    ruled_out = found.likeliest if found.lost > CLEARLY + DECISIVE else None
-    tell("measuring the gain on validation data")
-    gain, _, replays = measure_gain(held_out, [null, final])
-    judgement = judged(found.posterior, missing, shows=shows, ruled_out=ruled_out)
-    left = remaining(gain, judgement.depends_on)
-    alone, most = None, left.share > 0.5  # most of the error remains unexplained
-    if judgement.verdict != "unknown" and (not judgement.causes or most):
-        alone = only_in_validation(final, held_out)
-    beside = best.discrepancy.posterior
-    torque_error, absurd = inverse_errors(null.log, held_out, null.model, final.model), unexplained_torque(final)
-    nowhere = unexplained_in_validation(final, held_out)
-    something = judgement.verdict == "named" and most and beside.something > SURE
-    if alone is not None or absurd is not None or something:
-        judgement = replace(judgement, verdict="unknown")
-    return Diagnosis(
-        verdict=judgement.verdict,
-        causes=tuple(sorted((_cause(found, judgement, name) for name in judgement.causes), key=lambda c: -c.rms)),
-        minor=tuple(_minor(found, name, p) for name, p in judgement.minor.items()),
-        sets=_sets(found.posterior, judgement),
-        unknown=_unknown(found, judgement, missing),
-        without=found.without,
-        rejected=rejected(null, found.posterior, effects, {*judgement.causes, *judgement.minor}, found.falsified),
-        gain=gain,
-        torque_error=torque_error,
-        unexplained=left,
-        only_in_validation=None if alone is None else str(alone),
-        warnings=(
-            *_of_data(null, [*notes, *filter(None, (shorter,))]),
-            *filter(None, (absurd or nowhere or torque_predicted_worse(torque_error),)),
-            *_of_the_end(null, final, held_out),
-        ),
-        base=null,
-        extended=final,
-        residual_before=residual_torque(null),
-        residual_after=missing if final is named else residual_torque(final),
-        replays=replays,
-        whiteness=predictable_share(final.innovations),
-    )
-
-
-def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
-    posterior = found.posterior
-    fit = _holder(found, name)
-    rms, share = torque_of(fit, name)
-    gain, gain_std = found.gains.get(name, (0.0, 0.0))
-    return Cause(
-        effect=name,
-        probability=judgement.causes[name],
-        alternatives=alternatives(posterior, name),
-        parameters=estimates(fit, name),
-        share=share,
-        rms=rms,
-        gain=gain,
-        gain_std=gain_std,
-        log_bayes=log_bayes(posterior, name),
-    )
-
-
-def _unknown(found: Tenable, judgement: Judgement, missing: ResidualTorque) -> Unknown:
-    """The unexplained part: discrepancy and non-parametric effects; `missing` is the residual torque of the causes.
-
-    Where something is missing its size is at least that of the residual torque: no smooth function follows all of it.
-    """
-    posterior, best = found.posterior, found.posterior.best
-    beside, torques = best.discrepancy.posterior, frozenset(unnamed) - of_reading
-    level = float(np.sqrt(np.mean(missing.command**2)))
-    sizes = [torque_of(found.fit, name)[0] / level for name in sorted(best.names & torques)]
-    probability = max(beside.material, posterior.nonparametric(torques))
-    if level > 0.0 and (judgement.verdict == "unknown" or probability > SURE):
-        whole = np.concatenate([run.drive for run in found.fit.log.runs])
-        of_all = missing.excess * level / float(np.sqrt(np.mean(whole**2)))
-        sizes.append(min(of_all, 1.0))  # the torque of a model may be worse than none
-    return Unknown(
-        probability=probability,
-        measurement_error=max(beside.measurement_error, posterior.nonparametric(of_reading)),
-        depends_on=judgement.depends_on,
-        share=max((best.likelihood.share, *sizes)),
-    )
-
-
-def _minor(found: Tenable, name: str, probability: float) -> Minor:
-    rms, share = torque_of(_holder(found, name), name)
-    return Minor(effect=name, probability=probability, share=share, rms=rms)
-
-
-def _holder(found: Tenable, name: str) -> Fit:
-    """The fit with the estimates of an effect: the extended model if it has the effect, else the best set with it."""
-    if name in found.without:
-        return found.fit
-    return next(each.fit for each in found.posterior.sets if name in each.names)
-
-
-def _sets(posterior: Posterior, judgement: Judgement) -> tuple[EffectSet, ...]:
-    fitted = {each.names: each for each in reversed(posterior.sets)}
-    axis = posterior.best.fit.log.axis
-
-    def instead(names: frozenset[str]) -> tuple[str, ...]:
-        return tuple(effects_over(variable, axis) for variable in variables_instead(names))
-
-    def unknown(each: Explanation | None) -> tuple[str, ...]:
-        if each is posterior.best:
-            return judgement.depends_on
-        if each is None or each.discrepancy.posterior.something <= LIKELY:
-            return ()
-        explained = each.discrepancy.explained_by()
-        return tuple(effects_over(v, axis) for v in explained if explained[v] == max(explained.values()))
-
-    return tuple(
-        EffectSet(
-            effects=tuple(sorted(names.difference(unnamed))),
-            unknown=instead(names) or unknown(each),
-            probability=p,
-            log_marginal=None if each is None else each.log_marginal,
-            fit=None if each is None else each.fit,
-        )
-        for names, p in posterior.reported.items()
-        for each in (fitted.get(names),)
-    )
-
-
-def _of_data(null: Fit, notes: Sequence[str]) -> list[str]:
-    """Warnings about the log."""
-    warnings = [*null.log.warnings, *null.log.repairs, *null.log.notes, *notes]
-    if null.unidentifiable:
-        warnings.append(f"This log does not determine {', '.join(null.unidentifiable)} of the base model.")
-    if null.log.colour:
-        warnings.append(
-            f"The measurement noise is coloured, with a memory of about {null.noise_memory:.2g} s; "
-            "fits and probabilities account for it."
-        )
-    return warnings
-
-
-def _of_the_end(null: Fit, final: Fit, held_out: Log) -> list[str]:
-    """Warnings about the final model: confounded parameters, extrapolation, repeated runs, validation data."""
-    further, left, apart = extrapolation_warning(held_out, null.log), repeats(final), between_run_differences(final)
-    found = [
-        *identifiability_warnings(null, final),
-        further,
-        None if left is None else str(left),
-        apart,
-        suggested_formula(final),
-    ]
-    if differences := holdout_differences(final, held_out):
-        found.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, differences))}.")
-    return [each for each in found if each is not None]
-
-
-def predictable_share(innovations: Array, lags: int = 10) -> float:
-    """Share of the innovations' variance that an AR model of order `lags` explains, less the value by chance [-]."""
-    n = innovations.size - lags
-    past = np.column_stack([innovations[lags - lag : lags - lag + n] for lag in range(1, lags + 1)])
-    now = innovations[lags:]
-    coefficients = np.linalg.lstsq(past, now, rcond=None)[0]
-    explained = 1.0 - float(np.mean((now - past @ coefficients) ** 2) / max(float(np.mean(now**2)), 1e-300))
-    return float(np.clip(explained - lags / n, 0.0, 1.0))

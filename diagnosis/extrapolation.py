@@ -15,7 +15,7 @@ def extrapolation_warning(held_out: Log, seen: Log) -> str | None:
     """A sentence if many validation samples lie at angles, or speeds, outside the range of the estimation log."""
     angle, unit = ("positions", "m") if seen.axis == "linear" else ("angles", "rad")
     ranges = [("speeds", _speeds, f"{unit}/s")]
-    if seen.response == "angle":
+    if seen.response != "velocity":
         ranges.insert(0, (angle, _angles, unit))
     for name, of, size in ranges:
         known, needed = of(seen), of(held_out)

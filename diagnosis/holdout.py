@@ -37,6 +37,8 @@ def scoring_window(*path: Fit) -> float | None:
     effect is chaotic.
     """
     log, model = path[0].log, path[0].model
+    if log.response == "torque":  # nothing is simulated
+        return None
     if any(fit.model.chaotic for fit in path):
         return restart_window(log)
     torque = np.concatenate([run.command for run in log.runs])
@@ -112,6 +114,8 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tup
 
 def _floor_name(fit: Fit) -> str:
     """Name of the least error of a fit: a noise floor only with regular sampling and about the measured noise."""
+    if fit.log.response == "torque":
+        return "error on the estimation data"
     noise = max(measurement_noise(run) for run in fit.log.runs)
     irregular = any(np.diff(run.time).std() > _IRREGULAR * run.sample_time for run in fit.log.runs)
     return "one-step error" if irregular or fit.noise_floor > _MORE * noise else "noise floor"

@@ -108,6 +108,8 @@ def standstill(fit: Fit) -> str | None:
 
     The noise is the smaller of that of the fit and that from second differences; errors of a model are not noise.
     """
+    if fit.log.response == "torque":  # samples at rest are masked
+        return None
     seen = [run.measured[run.valid] for run in fit.log.runs]
     spread = _rms(np.concatenate([each - each.mean() for each in seen]))
     second_difference = _rms(np.concatenate([np.diff(each, 2) for each in seen])) / np.sqrt(6.0)
@@ -135,7 +137,7 @@ def _columns(motion: Motion, fit: Fit) -> dict[str, Array]:
     zone = fit.model.effect("dead_zone")
     if zone is not None:
         columns["zone"] = -np.sign(motion.torque) * (np.abs(motion.torque) > zone.values[0])
-    if fit.model.axis == "rotary" and fit.log.response == "angle":
+    if fit.model.axis == "rotary" and fit.log.response != "velocity":
         columns |= {"gravity": -np.cos(motion.angle), "quadrature": -np.sin(motion.angle)}
     return columns
 

@@ -8,7 +8,7 @@ with d a torque on the load and r an error of the measurement. Several inputs ar
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -71,6 +71,29 @@ class Linear:
         return torque, push + measurement
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InverseLinear:
+    """The inverse predictor of one run: a torque on the load changes its innovations by as much.
+
+    Attributes:
+        weight: (T,) one for valid samples, else zero.
+    """
+
+    weight: Array
+
+    def response(self, columns: Array, *, on_reading: bool = False) -> Array:
+        """(T, M) change of the innovations by torques (T, M); the motion is given without error."""
+        return np.zeros_like(columns) if on_reading else self.weight[:, None] * columns
+
+    def score(self, innovations: Array) -> tuple[Array, Array]:
+        """(T, M) see the function `score`."""
+        return -self.weight[:, None] * innovations, np.zeros_like(innovations)
+
+
+Filter: TypeAlias = Linear | InverseLinear
+"""What turns a small torque on the load into a change of the innovations."""
+
+
 def follow(transition: Array, path: Array, seen: Array, columns: Array) -> Array:
     """(T, M) outputs C[k] z[k] of z[k+1] = A[k] z[k] + B[k] u[k] from z[0] = 0.
 
@@ -103,14 +126,14 @@ def _side_by_side(n: int) -> Any:
     return ca.Function("side_by_side", [z, row], [following, ca.mtimes(seen.T, z)])
 
 
-def response(runs: tuple[Linear, ...], columns: Array, *, on_reading: bool) -> Array:
+def response(runs: tuple[Filter, ...], columns: Array, *, on_reading: bool) -> Array:
     """(T, M) change of the innovations of all runs by torques (T, M), or by errors of the measurement."""
     pieces = np.split(columns, np.cumsum([linear.weight.size for linear in runs])[:-1])
     parts = [linear.response(piece, on_reading=on_reading) for linear, piece in zip(runs, pieces, strict=True)]
     return parts[0] if len(parts) == 1 else np.vstack(parts)
 
 
-def score(runs: tuple[Linear, ...], innovations: Array) -> tuple[Array, Array]:
+def score(runs: tuple[Filter, ...], innovations: Array) -> tuple[Array, Array]:
     """Negative gradient of half the squared innovations by load torques and measurement errors, one at each sample.
 
     It is calculated with the adjoint of the predictor: one backward pass instead of one pass for every sample.
@@ -136,8 +159,10 @@ def linearised(
     *,
     substeps: int,
     colour: tuple[float, ...] = (),
-) -> Linear:
+) -> Filter:
     """A run's predictor linearised along its path, with a torque on the load as its input."""
+    if run.response == "torque":
+        return InverseLinear(weight=run.valid.astype(float))
     probe = model.with_effect(GivenLoad(torque=0.0))
     n, samples = len(probe.states), len(run)
     closed_loop, seen = np.empty((samples, n, n)), np.empty((samples, n))

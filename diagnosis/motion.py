@@ -29,7 +29,9 @@ def motion_of(
     """
     runs = problem.log.runs
     velocity = np.concatenate([p.states[1] for p in predictions])
-    command = np.concatenate([run.command for run in runs])
+    # what depends on the torque itself must not explain it: for an inverse model it is the predicted one
+    inverse = problem.log.response == "torque"
+    command = np.concatenate([p.output if inverse else run.command for run, p in zip(runs, predictions, strict=True)])
     gain = np.concatenate([run.servo_gain for run in runs])
     damping = np.concatenate([run.servo_damping for run in runs])
     returned = gain * np.concatenate([run.output for run in runs]) + damping * velocity
@@ -40,7 +42,7 @@ def motion_of(
 
     dt = runs[0].sample_time
     typical, fastest = np.quantile(np.abs(velocity), [0.9, 1.0])
-    resolution = fit.noise_std * bandwidth * np.sqrt(bandwidth * dt)
+    resolution = 0.0 if inverse else fit.noise_std * bandwidth * np.sqrt(bandwidth * dt)
     return Motion(
         time=np.concatenate([run.time for run in runs]),
         angle=np.concatenate([p.states[0] for p in predictions]),
@@ -81,6 +83,8 @@ def _settled(structure: Structure) -> Any:
 
 def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:
     """(T,) acceleration of the model over each sample [rad/s^2], without the jumps of the observer's corrections."""
+    if run.acceleration is not None:
+        return run.acceleration
     dt = np.diff(run.time)
     corrected = prediction.states[1] + correcting_gain(run, bandwidth, np.append(dt, dt[-1]))[1] * prediction.errors
     steps = (prediction.states[1, 1:] - corrected[:-1]) / dt

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from diagnosis.jackknife import jackknife
 from identification.fit_result import Fit
 from identification.inverse import filtered_motion, lowest_cutoff, needed_torque
+from identification.inverse_log import cutoff_of
 from identification.run_parameters import own_model
 from plant.effects.effect import Array, Axis
 
@@ -145,7 +146,7 @@ def residual_torque(fit: Fit, cutoff: float | None = None) -> ResidualTorque:
     curves = [
         _curve(name, unit, values, torque, independent)
         for name, unit, values in variables
-        if values is not angle or fit.log.response == "angle"
+        if values is not angle or fit.log.response != "velocity"
     ]
     noise = 1.96 * _noise_torque(fit, cutoff)
     return ResidualTorque(
@@ -181,8 +182,13 @@ def effects_over(variable: str, axis: Axis) -> str:
 
 
 def noise_cutoff(fit: Fit) -> float:
-    """Cutoff [Hz] at which the encoder noise is 3 % of the rms torque, at most 1/10 of the sampling rate."""
+    """Cutoff [Hz] at which the encoder noise is 3 % of the rms torque, at most 1/10 of the sampling rate.
+
+    For an inverse model it is that of its log.
+    """
     dt = fit.log.runs[0].sample_time
+    if fit.log.response == "torque":
+        return cutoff_of(dt)
     torque = np.concatenate([run.drive for run in fit.log.runs])
     target = _TORQUE_SHARE * float(np.sqrt(np.mean(torque**2)))
     lowest, highest = min(lowest_cutoff(fit.log), 0.05 / dt), 0.1 / dt
@@ -198,6 +204,8 @@ def _noise_torque(fit: Fit, cutoff: float) -> float:
     The noise has a density of 2 sigma^2 dt [rad^2/Hz]; (2 pi f)^4 of it integrated up to the cutoff.
     """
     dt = fit.log.runs[0].sample_time
+    if fit.log.response == "torque":  # the motion is given without error
+        return 0.0
     power = 2.0 * fit.slow_noise**2 * dt * (2.0 * np.pi) ** 4 * cutoff**5 / 5.0
     return float(fit.model.inertia * np.sqrt(power))
 

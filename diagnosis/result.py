@@ -223,8 +223,8 @@ class Findings:
 
     @property
     def read_as(self) -> str:
-        """Either "command", or "measured" if the torque of the log is a measurement with a lag."""
-        return "command" if self.model.lead() is None else "measured"
+        """Either "command", or "measured": the torque of the log is late, or it was predicted from the motion."""
+        return "command" if self.model.lead() is None and self.base.log.response != "torque" else "measured"
 
     def to_dict(self) -> dict[str, Any]:
         """The content of diagnosis.json."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.linear import Linear, linearised, score
+from diagnosis.linear import Filter, linearised, score
 from diagnosis.motion import motion_of
 from diagnosis.nuisance import Nuisance
 from identification.fit_result import Fit
@@ -27,7 +27,7 @@ class Screen:
     motion: Motion
     innovations: Array
     nuisance: Nuisance
-    filters: tuple[Linear, ...]
+    filters: tuple[Filter, ...]
 
     @classmethod
     @np.errstate(over="ignore", invalid="ignore")  # of a motion that grows without bound

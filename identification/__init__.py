@@ -7,6 +7,7 @@ from identification.fit import base_model, fit
 from identification.fit_result import Fit, FittedParameter, fit_report, fit_to_dict
 from identification.friction_test import FrictionTest, friction_test
 from identification.inverse import torque_error
+from identification.inverse_log import inverse_log
 from identification.log import Log
 from identification.log_like import log_of
 from identification.lost_motion import LostMotion, lost_motion
@@ -30,6 +31,7 @@ __all__ = [
     "fit_to_dict",
     "free_simulation",
     "friction_test",
+    "inverse_log",
     "log_of",
     "lost_motion",
     "torque_error",

@@ -82,18 +82,18 @@ def between_run_differences(fit: Fit) -> str | None:
     own: list[int] = []
     while len(own) < len(determined):
         left = [row for row in range(len(determined)) if row not in own]
-        chances = [_chance(runs, [*own, row]) for row in left]
+        chances = [_chance(runs, [*own, row], len(starts)) for row in left]
         if min(chances) * len(left) > _LEVEL:
             break
         own.append(left[int(np.argmin(chances))])
     return _sentence(fit, [lines[determined[row]].name for row in own]) if own else None
 
 
-def _chance(runs: list[_Run], own: list[int]) -> float:
+def _chance(runs: list[_Run], own: list[int], initials: int) -> float:
     """p-value of the last parameter of `own` being equal in all runs; the others of `own` may differ between runs."""
-    free, count = runs[0].scores.shape[1] - 2, len(runs)
-    size = point_size(free, count, own)
-    at = [places(free, number, count, own) for number in range(count)]
+    free, count = runs[0].scores.shape[1] - initials, len(runs)
+    size = point_size(free, count, own, initials)
+    at = [places(free, number, count, own, initials) for number in range(count)]
     information, gradient = np.zeros((size, size)), np.zeros(size)
     for run, mine in zip(runs, at, strict=True):
         information[np.ix_(mine, mine)] += run.information.sum(axis=0)

@@ -11,6 +11,7 @@ import numpy as np
 from identification.between_run_differences import between_run_differences
 from identification.coloured_noise import with_coloured_noise
 from identification.fit_result import Fit
+from identification.inverse_log import inverse_log
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.per_run import fit_apart
@@ -37,6 +38,7 @@ def fit(
     bounds: Pairs | None = None,
     prior: Pairs | None = None,
     per_run: Sequence[str] = (),
+    inverse: bool = False,
     force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
@@ -52,6 +54,8 @@ def fit(
         prior: mean and standard deviation by name, of a Gaussian: `{"inertia": (0.2, 0.05)}`.
         per_run: names of parameters that differ from run to run; the others are common to all runs. The result has a
             line for each run, such as "inertia[log.csv run 3]", and its model has the mean.
+        inverse: predict the torque from the motion, as for a robot joint in a tight loop (`inverse_log`). The result has
+            no effects of actuator, flexible drivetrain and sensor.
         force: fit also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each stage.
 
@@ -61,11 +65,14 @@ def fit(
 
     Raises:
         UnusableLog: the log has faults, so that no model can be fitted.
+        Unidentifiable: as `inverse_log` does.
         BadParameter: a name is not a parameter of the model, a number is not allowed for it, or model and log differ
             in their axis.
     """
     log = log_of(log).usable(force=force)
+    log = inverse_log(log) if inverse else log
     start = base_model(log) if model is None else model_of(model)
+    start = start.on_the_load() if inverse else start
     known = known_of(fixed, bounds, prior, start, stated=model is not None)
     _check(Problem.of(log, known.begun(start), known=known), per_run, known.fixed)
     found = fit_with_prior(log, start, known, progress)
@@ -132,7 +139,7 @@ def _beside_traded(
         if found.converged and steps_in_a_sample(found.model, log) > found.substeps:  # it needs smaller steps
             found = Problem.of(log, found.model, fixed=kept, known=known).solve(progress=progress)
         traded = _traded(found)
-        if not traded:
+        if not traded and log.response != "torque":
             found = with_coloured_noise(with_its_clock(found), of_the_sensor=of_the_sensor)
             traded = _traded(found)
         if not traded:
@@ -201,6 +208,6 @@ def base_model(log: Log) -> ServoModel:
         inertia=viscous * angle / speed if moves else 1.0,
         gravity=0.0,
         viscous_friction=viscous,
-        effects=(DeadZone(half_width=0.0),),
+        effects=() if log.response == "torque" else (DeadZone(half_width=0.0),),
         axis=log.axis,
     )

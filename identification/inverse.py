@@ -59,6 +59,15 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
 
     The torque is the command or, when a model is given, the torque after its actuator effects.
     """
+    if run.response == "torque":  # it is filtered
+        return FilteredMotion(
+            time=run.time,
+            angle=run.output,
+            velocity=_given(run.velocity),
+            acceleration=_given(run.acceleration),
+            torque=run.command,
+            still=~run.valid,
+        )
     time = np.linspace(run.time[0], run.time[-1], len(run))
     dt = float(time[1] - time[0])
     output = np.interp(time, run.time[run.valid], run.output[run.valid])
@@ -73,6 +82,10 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
         torque=smooth(mean_torque(run, model, velocity), cutoff, dt),
         still=np.abs(velocity) < max(_count(run) * cutoff, 3.0 * _speed_noise(shown - angle, cutoff, dt)),
     )
+
+
+def _given(column: Array | None) -> Array:
+    return np.empty(0) if column is None else column
 
 
 def _speed_noise(noise: Array, cutoff: float, dt: float) -> float:

@@ -110,16 +110,23 @@ class Log(Drawn):
 
     @cached_property  # not a property: jedi completes nothing in IPython if a property returns a Literal
     def response(self) -> Response:
-        """The measured quantity: the "angle" (or position), or the "velocity" alone."""
+        """The measured quantity that a model predicts: the "angle" (or position), the "velocity", or the "torque"."""
         return self.runs[0].response
 
     @property
     def measured_unit(self) -> str:
         """The unit of the measured quantity."""
+        if self.response == "torque":
+            return self.command_unit
         return {"rotary": "rad", "linear": "m"}[self.axis] + "/s" * (self.response == "velocity")
 
     def shows(self, kind: type[Effect]) -> bool:
-        """Whether the log can show an effect: it exists on the log's axis, and needs no angle if none was measured."""
+        """Whether the log can show an effect: it exists on the log's axis, and needs no angle if none was measured.
+
+        If the torque is what is predicted, from the motion, it needs to act on the load.
+        """
+        if self.response == "torque" and not kind.on_the_load():
+            return False
         return self.axis in kind.axes and not (kind.needs_angle and self.response == "velocity")
 
     @property

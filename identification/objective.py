@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from identification.inverse_predictor import InversePredictor
 from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.predictor import Predictor, steps_in_a_sample
@@ -97,7 +98,8 @@ class Objective:
             for spec in specs
         ]
         lower, upper = np.array(limits).reshape(-1, 2).T
-        predictor = Predictor(
+        kind = InversePredictor if log.response == "torque" else Predictor
+        predictor = kind(
             model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour, unsettled=log.unsettled
         )
         unbounded = np.full(len(predictor.fitted_starts) * len(log.runs), np.inf)

@@ -80,8 +80,10 @@ def steps_in_a_sample(model: ServoModel, log: Log) -> int:
 @lru_cache(maxsize=64)
 def _highest_speed(run: Run) -> float:
     """Highest speed of a run [rad/s]: its 99 % quantile, as single wrong values are none."""
-    measured = run.measured[run.valid]
-    speed = measured if run.response == "velocity" else np.diff(measured) / np.diff(run.time[run.valid])
+    shown = run.measured if run.response == "velocity" else run.output
+    speed = shown[run.valid]
+    if run.response != "velocity":
+        speed = np.diff(speed) / np.diff(run.time[run.valid])
     return float(np.quantile(np.abs(speed), 0.99)) if speed.size else 0.0
 
 

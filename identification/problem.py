@@ -89,6 +89,8 @@ class Problem(Objective):
             return False
         runs = self.log.runs
         initials = len(self.predictor.fitted_starts)
+        if not initials:  # nothing is simulated
+            return True
         grown = np.diag(minimum.equations.information)[-initials * len(runs) :]
         grown = grown[measured_state(self.log.response) :: initials]
         most = DIVERGED**2 * np.array([len(run) for run in runs])

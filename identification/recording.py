@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
-Response: TypeAlias = Literal["angle", "velocity"]
+Response: TypeAlias = Literal["angle", "velocity", "torque"]
 
 
 def nothing() -> Array:

@@ -40,7 +40,7 @@ def starting_values(log: Log, model: ServoModel) -> list[Array]:
     half widths, and the best is used (variable projection).
     """
     runs = tuple(run for run in log.runs if len(run) >= _FEWEST)
-    if not runs:
+    if not runs or log.response == "torque":  # then the problem is linear in all of them
         return []
     log = replace(log, runs=runs)
     found: list[Array] = []

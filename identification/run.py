@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from identification.errors import MalformedLog
 from identification.recording import Array, Recording, Response, drive_torque, nothing
 
-_OPTIONAL = ("velocity", "reference", "setpoint")
+_OPTIONAL = ("velocity", "reference", "setpoint", "acceleration", "direction")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,11 +31,12 @@ class Run:
     output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values. If only the velocity was
         logged, it is the integral of the velocity from zero on, used for starting values and never fitted.
     valid: (T,) False where the measurement is masked out of the fit.
-    response: the measured quantity that is fitted, the "angle" or the "velocity".
+    response: the measured quantity that is fitted: the "angle", the "velocity", or for an inverse model the "torque".
     servo_gain: (T,) torque per output error [N m/rad] or [N/m].
     servo_damping: (T,) torque per speed of the load [N m s/rad] or [N s/m]; zero by default.
     command_limit: largest magnitude of the drive's torque [N m] or force [N].
     velocity, reference, setpoint: (T,) of the load, when logged.
+    acceleration, direction: (T,) of the load, and the sign of its velocity after a low pass, for an inverse model.
     own: differences of this run's parameters from those of the model, by name: for example a payload's inertia.
     zero: recording's clock at time zero [s]; the clock may count from 1970.
     start: time of the file's first sample, in the time of the run [s].
@@ -57,6 +58,8 @@ class Run:
     velocity: Array | None = None
     reference: Array | None = None
     setpoint: Array | None = None
+    acceleration: Array | None = None
+    direction: Array | None = None
     drive_angles: Array | None = None
     torques: Array | None = None
     own: Mapping[str, float] = field(default_factory=dict)
@@ -113,9 +116,9 @@ class Run:
 
     @property
     def measured(self) -> Array:
-        """(T,) measured quantity that is fitted: the output, or the velocity alone [rad or m; rad/s or m/s]."""
-        if self.response == "angle":
-            return self.output
+        """(T,) measured quantity that is fitted: the output, the velocity alone, or the torque."""
+        if self.response != "velocity":
+            return self.output if self.response == "angle" else self.command
         if self.velocity is None:
             raise MalformedLog(f"{self.label}: a run of the velocity alone has no velocity.")
         return self.velocity

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identification.inverse_predictor import InversePredictor
 from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log, Run
 from identification.objective import same_unit
@@ -50,6 +51,10 @@ def free_simulation(
     if log.axis != model.axis:
         raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
     same_unit(log, model)
+    if log.response == "torque":
+        inverse = InversePredictor(model=model, runs=log.runs, free=())
+        found = inverse.predict(model.values, np.empty((len(log.runs), 0)), bandwidth=0.0, width=0.0)
+        return [each.output for each in found]
     done = after or (lambda samples: None)
     return [_simulate_run(log, run, model, window, settle, done) for run in log.runs]
 

@@ -25,7 +25,7 @@ _RANK_TOLERANCE = 1e-9  # relative singular value below which two states act ali
 
 def hidden_starts(objective: Objective) -> int:
     """Number of hidden initial states, of all runs, among the unknowns of an objective."""
-    return (len(objective.predictor.fitted_starts) - 2) * len(objective.log.runs)
+    return max(len(objective.predictor.fitted_starts) - 2, 0) * len(objective.log.runs)
 
 
 def charge(objective: Objective) -> float:

@@ -209,6 +209,10 @@ class ServoModel(Tabled):
         """The model under a command: without the lag of a measured torque."""
         return replace(self, effects=tuple(effect for effect in self.effects if effect.lead() is None))
 
+    def on_the_load(self) -> ServoModel:
+        """The model without effects of the actuator, of a flexible drivetrain and of the sensor."""
+        return replace(self, effects=tuple(effect for effect in self.effects if effect.on_the_load()))
+
     # The mechanics, in numbers or in symbols.
 
     @property

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from diagnosis.evidence.families import Families
 from diagnosis.levels import INEXACT
-from diagnosis.linear import Linear, response
+from diagnosis.linear import Filter, response
 from diagnosis.nuisance import Nuisance
 from plant.effects.effect import Array
 
@@ -80,7 +80,7 @@ class Responses:
     variables: tuple[str, ...]
 
     @classmethod
-    def of(cls, families: Families, filters: tuple[Linear, ...], noise: float) -> Responses:
+    def of(cls, families: Families, filters: tuple[Filter, ...], noise: float) -> Responses:
         """Response through the predictor of each run; measurement errors are scaled by `noise` [rad]."""
         on_torque = response(filters, families.torque, on_reading=False)
         on_reading = response(filters, noise * families.measurement, on_reading=True)

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.linear import Linear, linearised
+from diagnosis.linear import Filter, linearised
 from diagnosis.nuisance import Nuisance
 from identification.fit_result import Fit
 from identification.predictor import DIVERGED, Prediction, measured_state
 from identification.problem import Problem
+from identification.recording import Response
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
@@ -30,14 +31,13 @@ class Linearised:
 
     predictions: Sequence[Prediction]
     innovations: Array
-    filters: tuple[Linear, ...]
+    filters: tuple[Filter, ...]
 
     @classmethod
     def at(cls, fit: Fit, bandwidth: float) -> Linearised | None:
         """At a fit, with an observer of a bandwidth [rad/s]; None if the motion grows without bound."""
         problem, predictions = predicted(fit, fit.model, bandwidth)
-        start = measured_state(problem.log.response)
-        if not (is_bounded(predictions) and (fit.model.chaotic or _is_held(predictions, start))):
+        if not (is_bounded(predictions) and (fit.model.chaotic or _is_held(predictions, problem.log.response))):
             return None
         substeps, colour = problem.predictor.substeps, problem.log.colour
         filters = tuple(
@@ -75,8 +75,11 @@ def predicted(
     return problem, predictions
 
 
-def _is_held(predictions: Sequence[Prediction], start: int) -> bool:
+def _is_held(predictions: Sequence[Prediction], response: Response) -> bool:
     """Whether errors of the initial angle, or velocity, do not grow so far that they dominate all sensitivities."""
+    if response == "torque":
+        return True
+    start = measured_state(response)
     return max(float(np.mean(p.jacobian[:, start - p.initials] ** 2)) for p in predictions) <= DIVERGED**2
 
 

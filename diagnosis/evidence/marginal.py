@@ -20,7 +20,7 @@ from diagnosis.evidence.linearised import Linearised
 from diagnosis.evidence.prior import forms
 from diagnosis.evidence.set_likelihood import SetLikelihood
 from diagnosis.evidence.sizes import Sizes
-from diagnosis.linear import AT_ONCE, Linear, score
+from diagnosis.linear import AT_ONCE, Filter, score
 from diagnosis.motion import motion_of
 from diagnosis.nuisance import Nuisance
 from diagnosis.score_test import Screen
@@ -127,6 +127,6 @@ def families_along(fit: Fit) -> Families | None:
     return Families.along(motion_of(fit, problem, list(here.predictions), fit.bandwidth, (nothing, nothing)))
 
 
-def _chance(filters: tuple[Linear, ...], nuisance: Nuisance) -> tuple[Array, Array]:
+def _chance(filters: tuple[Filter, ...], nuisance: Nuisance) -> tuple[Array, Array]:
     draws = np.random.default_rng(0).normal(size=(len(nuisance.shared), AT_ONCE))
     return score(filters, nuisance.beyond(draws))

@@ -148,11 +148,17 @@ def separating_experiment(
         progress: called with a line of text for each duration that is tried.
 
     Raises:
-        BadParameter: the log is of a position servo or of the velocity alone, or no signal keeps the limits.
+        BadParameter: the log is of a position servo, of the velocity alone or of an inverse model, or no signal keeps
+            the limits.
     """
     if any(run.positioned for run in first.log.runs):
         raise BadParameter(
             "The experiment is a torque, and this log is of a position servo. Choose set-points by hand."
+        )
+    if first.log.response == "torque":
+        raise BadParameter(
+            "The experiment is a torque command, but in this log the torque follows the motion; move this axis alone, "
+            "slowly and fast, in both directions."
         )
     if first.log.response == "velocity":
         raise BadParameter(

@@ -9,7 +9,7 @@ import numpy as np
 from diagnosis.experiment import Experiment
 from diagnosis.explanation.posterior_sentences import posterior_sentences
 from diagnosis.explanation.reasons import Reason, reason_for, reason_for_none
-from diagnosis.explanation.wording import change, joined_words, measured, percent, torque_or_force
+from diagnosis.explanation.wording import change, joined_words, measured, percent, predicted, torque_or_force
 from diagnosis.holdout import gain_errors
 from diagnosis.result import Findings
 from identification.standard_errors import bandwidth_std
@@ -63,10 +63,10 @@ def _missing(diagnosis: Findings) -> tuple[str, ...]:
     lacked, base, extended = diagnosis.residual_before, diagnosis.base, diagnosis.extended
     noise, inertia = float(lacked.band.mean()) / 1.96, base["inertia"]
     relative_error = np.sqrt(0.5 / base.samples + (0.0 if not inertia.std else inertia.std / base.model.inertia) ** 2)
+    of_noise = f"Measurement noise alone would give {measured(noise, noise * relative_error, lacked.unit)}."
     lines = [
         f"Below {lacked.cutoff:.2g} Hz the residual {torque_or_force(lacked.unit)} of the base model is "
-        f"{measured(lacked.rms, lacked.rms_std, lacked.unit)} rms. Measurement noise alone would give "
-        f"{measured(noise, noise * relative_error, lacked.unit)}."
+        f"{measured(lacked.rms, lacked.rms_std, lacked.unit)} rms.{f' {of_noise}' if noise else ''}"
     ]
     most = lacked.curves[0]
     if most.share >= _LEAST_SHARE:
@@ -102,7 +102,9 @@ def _outcome(diagnosis: Findings) -> tuple[str, ...]:
         went = f"{'reduced' if gain.cut >= 0.0 else 'increased'} {by}{change(gain.cut, error.cut)}, from "
         came = f"{went}{measured(gain.held_out_rms_before, error.before, gain.unit)} to " if extended else ""
         rms = f"{measured(gain.held_out_rms_after, error.after, gain.unit)} rms"
-        lines.append(f"On validation data the simulation error is {', '.join(filter(None, (came + rms, floor)))}.")
+        lines.append(
+            f"On validation data the {predicted(diagnosis)} error is {', '.join(filter(None, (came + rms, floor)))}."
+        )
     if extended:
         std = gain_errors(diagnosis).share if gain is not None else None
         lines.append(f"Of the error power above the {gain.floor_name} {percent(left.share, std)} remains.")

@@ -12,6 +12,7 @@ from diagnosis.explanation.wording import (
     joined_words,
     measured,
     percent,
+    predicted,
     sentence_case,
     size,
     strength,
@@ -109,7 +110,7 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
         before = measured(gain.held_out_rms_before, error.before, gain.unit)
         after = measured(gain.held_out_rms_after, error.after, gain.unit)
         floor = f"the {gain.floor_name} is {measured(gain.noise_floor, error.noise_floor, gain.unit)}"
-        what = f"On {runs} the simulation error"
+        what = f"On {runs} the {predicted(diagnosis)} error"
         if diagnosis.extended is diagnosis.base:
             lines.append(f"{what} is {before} rms; {floor}.")
         else:

@@ -59,6 +59,12 @@ def torque_or_force(unit: str) -> str:
     return {"N m": "torque", "N": "force"}.get(unit, "command")
 
 
+def predicted(diagnosis: Findings) -> str:
+    """What the error on validation data is of: a simulation, or the torque of an inverse model."""
+    log = diagnosis.base.log
+    return torque_or_force(log.command_unit) if log.response == "torque" else "simulation"
+
+
 def sentence_case(text: str) -> str:
     """The text with a capital first letter, otherwise unchanged."""
     return text[:1].upper() + text[1:]

@@ -26,6 +26,7 @@ class Dataset:
         estimation, holdout: the two parts; `holdout` is None if the data set has no split.
         base: the model to start from.
         fixed: names of the base's parameters that this machine does not have.
+        inverse: whether the torque follows the motion, so that it is to be predicted from it.
         notes: publication, peculiarities, and published figures for comparison.
     """
 
@@ -33,6 +34,7 @@ class Dataset:
     holdout: Log | None
     base: ServoModel
     fixed: tuple[str, ...] = ()
+    inverse: bool | None = None
     notes: tuple[str, ...] = ()
 
 

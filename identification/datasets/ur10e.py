@@ -59,6 +59,7 @@ def read(files: list[Path], *, joint: int | None = None) -> Dataset:
         estimation=replace(log, runs=(whole.slice(0, cut),)),
         holdout=replace(log, runs=(last,)),
         base=ServoModel(inertia=1.0, gravity=0.0, viscous_friction=1.0),
+        inverse=True,  # the current was measured in the tight loop of a robot
         notes=notes,
     )
 

@@ -139,6 +139,12 @@ class Effect:
         measured = other.name in cls.measured or cls.name in other.measured
         return cls.name == other.name or (cls.flexible and other.flexible) or measured
 
+    @classmethod
+    def on_the_load(cls) -> bool:
+        """Whether it acts on a load that moves with the motor; else it is in the actuator, drivetrain or sensor."""
+        rigid = all(kind in (State.RELAXED, State.RANDOM_WALK) for kind in cls.states)
+        return rigid and (cls.stage is Stage.LOAD or cls.dry_friction is not Effect.dry_friction)
+
     @property
     def freed(self) -> bool:
         """Whether parameters with a given default are fitted too; their values then differ from the default."""

@@ -46,6 +46,11 @@ class Nonparametric(Effect):
         return tuple(replace(spec, unit=spec.unit.replace("{size}", cls.size)) for spec in super().parameters())
 
     @classmethod
+    def on_the_load(cls) -> bool:
+        """Whether it acts on the load, whatever the torque is: otherwise it would explain the torque by itself."""
+        return super().on_the_load() and "torque" not in cls.variables
+
+    @classmethod
     def shape(cls) -> tuple[str, ...]:
         """Names of parameters that are not fitted with it: its own range, and model parameters collinear with it."""
         return ()

@@ -23,6 +23,11 @@ class TorqueOffset(Effect):
 
     torque: float = parameter("{torque}", "constant bias")
 
+    @classmethod
+    def on_the_load(cls) -> bool:
+        """A bias of the measured torque acts like a load."""
+        return True
+
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
         """The torque plus the bias, which acts after the dead zone and is not reduced by it."""
         return torque + self.torque
