@@ -71,7 +71,7 @@ def main() -> None:
         name, _, joint = wanted.partition(":")
         data = load_dataset(name, folder / FOLDERS.get(name, name), joint=int(joint) if joint else None)
         begin = time.process_time()
-        found = diagnose(data.estimation, data.base, data.holdout, fixed=data.fixed)
+        found = diagnose(data.estimation, data.base, data.holdout, fixed=data.fixed, inverse=data.inverse)
         seconds = time.process_time() - begin
         if data.holdout is None:
             raise SystemExit(f"{name} states no split")

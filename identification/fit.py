@@ -54,8 +54,8 @@ def fit(
         prior: mean and standard deviation by name, of a Gaussian: `{"inertia": (0.2, 0.05)}`.
         per_run: names of parameters that differ from run to run; the others are common to all runs. The result has a
             line for each run, such as "inertia[log.csv run 3]", and its model has the mean.
-        inverse: predict the torque from the motion, as for a robot joint in a tight loop (`inverse_log`). The result has
-            no effects of actuator, flexible drivetrain and sensor.
+        inverse: predict the torque from the motion, as for a robot joint in a tight loop (`inverse_log`); without
+            effects of actuator, flexible drivetrain and sensor.
         force: fit also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each stage.
 
