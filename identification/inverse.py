@@ -159,14 +159,18 @@ def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:
 
 
 def torque_error_samples(log: Log, model: ServoModel, *, cutoff: float) -> tuple[Array, Array]:
-    """(T,) torque less needed torque, and (T,) torque [N m], of all runs; arguments as in `torque_error`."""
+    """(T,) torque less needed torque, and (T,) torque of the log [N m], of all runs; arguments as in `torque_error`.
+
+    The first torque is that after the model's actuator. The second is not: a large offset in the model, which gravity
+    balances, would make any error small.
+    """
     misses, torques = [], []
     for run in log.runs:
         m = filtered_motion(run, cutoff, model)
         edge = min(m.time.size // 10, round(2.0 / (cutoff * run.sample_time)))
         inner = slice(edge, m.time.size - edge)
         misses.append((m.torque - needed_torque(own_model(run, model), m))[inner])
-        torques.append(m.torque[inner])
+        torques.append(filtered_motion(run, cutoff).torque[inner])
     return np.concatenate(misses), np.concatenate(torques)
 
 
