@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
+from front_door import antidrive, write_csv, write_model
 from tight_loop import COULOMB, GRAVITY, INERTIA, VISCOUS, tight_loop
 
 from diagnosis import diagnose
@@ -139,6 +142,38 @@ def test_the_needed_torque_is_the_output(log: Log) -> None:
     (needed,) = free_simulation(read, RUBS.without_effect("coulomb_friction"))
     error = (run.measured - needed)[run.valid]
     assert float(np.sqrt(np.mean(error**2))) < 0.01 * float(np.std(run.measured))
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory) -> Path:
+    (run,) = tight_loop(0, disturbance=1.0, duration=20.0).runs
+    folder = tmp_path_factory.mktemp("loop")
+    return write_csv(folder / "log.csv", {"time": run.time, "torque": run.command, "angle": run.output})
+
+
+def test_commands_predict_the_torque_where_that_is_asked_for(file: Path, tmp_path: Path) -> None:
+    base = write_model(tmp_path / "base.json", RUBS)
+    inertia = {}
+    for option in ("--inverse", "--no-inverse"):
+        result = antidrive("identify", file, "--base", base, option, "--json", "--out", tmp_path / "out")
+        assert result.code == 0, result.err
+        inertia[option] = json.loads(result.out)["parameters"]["inertia"]["value"]
+    assert inertia["--inverse"] == pytest.approx(INERTIA, rel=0.08)
+    assert inertia["--no-inverse"] > 1.2 * INERTIA
+
+
+def test_a_log_file_says_that_the_torque_follows_the_motion(file: Path) -> None:
+    toml = file.with_name("log.toml")
+    toml.write_text(f'files = ["{file.name}"]\n[fit]\ninverse = true\ncandidates = ["coulomb_friction"]\n')
+    result = antidrive("diagnose", toml, "--json", "--out", file.parent / "out")
+    assert result.code == 0, result.err
+    content = json.loads(result.out)
+    assert content["data"]["read_as"] == "measured"
+    assert content["gain"]["unit"] == "N m"
+    toml.write_text(f'files = ["{file.name}"]\n[fit]\ninverse = 1\n')
+    refused = antidrive("diagnose", toml, "--out", file.parent / "none")
+    assert (refused.code, refused.err.count("\n")) == (2, 1)
+    assert "[fit] inverse must be true or false, not 1" in refused.err
 
 
 def _problem(log: Log, model: ServoModel):
