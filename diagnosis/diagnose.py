@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from diagnosis.candidates import Choice, chosen
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.levels import LIKELY, SURE
 from diagnosis.one_reading import diagnose_once
 from diagnosis.validation_only import is_of_parameters, only_in_validation
 from diagnosis.validation_split import fitted_too, parts, split_otherwise
@@ -87,7 +88,7 @@ def diagnose(
 
     if inverse is not None:
         return by_torque(_INVERSE) if inverse else by_motion()
-    found, refusal = None, None
+    found, refusal = None, Unidentifiable()
     try:
         found = by_motion()
     except Unidentifiable as error:
@@ -97,11 +98,23 @@ def diagnose(
     tell("predicting the torque from the motion")
     with suppress(Unidentifiable):
         other = by_torque(_INVERSE_INSTEAD)
-        if other.causes and other.verdict != "unknown":
+        if _says_more(other, found):
             return other
     if found is None:
-        raise refusal or AssertionError
+        raise refusal
     return found
+
+
+def _says_more(inverse: Diagnosis, than: Diagnosis | None) -> bool:
+    """Whether an inverse model names an effect for sure, or explains the torque where a model of the motion does not.
+
+    Args:
+        inverse: the diagnosis with it.
+        than: the diagnosis that predicts the motion, without an effect that explains it; None if it was refused.
+    """
+    if than is None or than.torque_error.estimation_after >= 1.0:
+        return inverse.torque_error.estimation_after**2 <= 1.0 - LIKELY
+    return inverse.verdict != "unknown" and any(cause.probability > SURE for cause in inverse.causes)
 
 
 def _by_motion(

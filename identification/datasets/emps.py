@@ -29,7 +29,8 @@ def read(files: list[Path]) -> Dataset:
             raise MalformedLog(f"EMPS consists of DATA_EMPS.mat and DATA_EMPS_PULSES.mat, but {name} is not there.")
         logs.append(_log(by_name[name]))
     base = ServoModel(inertia=1.0, gravity=0.0, viscous_friction=1.0, axis="linear")
-    return Dataset(estimation=logs[0], holdout=logs[1], base=base, notes=_NOTES)
+    # a tight position loop, which its authors identify by the inverse model too
+    return Dataset(estimation=logs[0], holdout=logs[1], base=base, inverse=True, notes=_NOTES)
 
 
 def _log(file: Path) -> Log:
