@@ -52,13 +52,14 @@ def summary_lines(found: Diagnosis, held_out: Log) -> list[str]:
     lines += [f"  small: {m.effect} {m.probability:.3f}, {m.rms:.3g} rms" for m in found.minor]
     lines += [f"  set {', '.join(s.effects) or '-'} {s.probability:.3f}" for s in found.sets[:3]]
     error, gain = found.torque_error, found.gain
+    of = "of the torque" if found.base.log.response == "torque" else "in simulation"
     lines += [
         f"  inverse error, fitted   {100 * error.estimation_before:6.2f} -> {100 * error.estimation_after:5.2f} %",
         f"  inverse error, held out {100 * error.held_out_before:6.2f} -> {100 * error.held_out_after:5.2f} %",
-        f"  rms in simulation, held out {gain.held_out_rms_before:.4g} -> {gain.held_out_rms_after:.4g} {gain.unit}"
+        f"  rms {of}, held out {gain.held_out_rms_before:.4g} -> {gain.held_out_rms_after:.4g} {gain.unit}"
         + (f", restarted every {gain.window:g} s" if gain.window else ""),
     ]
-    if not gain.window:
+    if not gain.window and found.base.log.response != "torque":
         before, after = (mean_absolute_error(held_out, model) for model in (found.base.model, found.model))
         lines.append(f"  mean absolute error in simulation, held out {before:.4g} -> {after:.4g} {gain.unit}")
     return [*lines, *(f"  {warning}" for warning in found.warnings)]

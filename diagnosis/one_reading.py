@@ -152,7 +152,8 @@ def _base_fit(
     if failed is not None and log.response != "torque":  # the base model lacks too much
         null = behind_a_slower_observer(log, start, known) or null
     if null.failed is not None:
-        raise Unidentifiable(torque_follows(log) or _FAILED + null.failed)
+        follows = torque_follows(log) if log.response != "torque" else None
+        raise Unidentifiable(follows or _FAILED + null.failed)
     return null, None if failed is None else _FAILED + failed
 
 

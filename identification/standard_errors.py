@@ -135,9 +135,12 @@ def _around(
 
 
 def _nothing_moves(objective: Objective, minimum: Minimum) -> bool:
-    """Whether a constant output explains the log as well as the fitted motion: no parameter is identifiable."""
-    runs = objective.log.runs
-    still = sum(float(np.sum((run.measured - run.measured[run.valid].mean())[run.valid] ** 2)) for run in runs)
+    """Whether a constant output explains the log as well as the fitted motion: no parameter is identifiable.
+
+    The rigid body has no constant torque: for an inverse model the constant is zero.
+    """
+    seen = [run.measured[run.valid] for run in objective.log.runs]
+    still = sum(float(np.sum((each - (objective.log.response != "torque") * each.mean()) ** 2)) for each in seen)
     return still <= 1.1 * minimum.equations.cost
 
 
