@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from diagnosis.candidates import Choice, chosen
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.inverse_model import unexplained_torque
 from diagnosis.levels import LIKELY, SURE
 from diagnosis.one_reading import diagnose_once
 from diagnosis.validation_only import is_of_parameters, only_in_validation
@@ -93,7 +94,7 @@ def diagnose(
         found = by_motion()
     except Unidentifiable as error:
         refusal = error
-    if found is not None and found.verdict != "unknown":
+    if found is not None and (found.verdict != "unknown" or found.only_in_validation is not None):
         return found
     tell("predicting the torque from the motion")
     with suppress(Unidentifiable):
@@ -112,7 +113,7 @@ def _says_more(inverse: Diagnosis, than: Diagnosis | None) -> bool:
         inverse: the diagnosis with it.
         than: the diagnosis that predicts the motion, without an effect that explains it; None if it was refused.
     """
-    if than is None or than.torque_error.estimation_after >= 1.0:
+    if than is None or unexplained_torque(than.extended) is not None:
         return inverse.torque_error.estimation_after**2 <= 1.0 - LIKELY
     return inverse.verdict != "unknown" and any(cause.probability > SURE for cause in inverse.causes)
 

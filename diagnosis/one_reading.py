@@ -14,7 +14,7 @@ import numpy as np
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
-from diagnosis.evidence.search_over_sets import explore
+from diagnosis.evidence.search_over_sets import explore, explore_from
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import Tenable, predicts_worse, tenable
 from diagnosis.formula_suggestion import suggested_formula
@@ -81,7 +81,10 @@ def diagnose_once(
     tell("fitting the base model")
     null, doubtful = _base_fit(log, start, known, tell)
     held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
-    found = tenable(null, explore(null, _shown(log, effects), tell).known.values(), held_out)
+    sets = explore(null, _shown(log, effects), tell)
+    found = tenable(null, sets.known.values(), held_out)
+    while explore_from(sets, found.fit):
+        found = tenable(null, sets.known.values(), held_out)
     if doubtful is not None and torque_log_likelihood_gain(found.fit) < DECISIVE:
         raise Unidentifiable(torque_follows(log) or doubtful)
     tell("fitting non-parametric curves")
@@ -136,7 +139,12 @@ def diagnose_once(
 
 def _shown(log: Log, effects: Mapping[str, type[Effect]]) -> Mapping[str, type[Effect]]:
     """The candidates; of an inverse model those that act on the load."""
-    return {name: kind for name, kind in effects.items() if log.shows(kind)} if log.response == "torque" else effects
+    if log.response != "torque":
+        return effects
+    shown = {name: kind for name, kind in effects.items() if log.shows(kind)}
+    if not shown:
+        raise Unidentifiable("No candidate acts on the load, and an inverse model shows no other effect.")
+    return shown
 
 
 def _base_fit(

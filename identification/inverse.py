@@ -80,7 +80,7 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
         velocity=velocity,
         acceleration=np.gradient(velocity, dt),
         torque=smooth(mean_torque(run, model, velocity), cutoff, dt),
-        still=np.abs(velocity) < max(_count(run) * cutoff, 3.0 * _speed_noise(shown - angle, cutoff, dt)),
+        still=np.abs(velocity) <= max(_count(run) * cutoff, 3.0 * _speed_noise(shown - angle, cutoff, dt)),
     )
 
 

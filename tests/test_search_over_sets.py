@@ -15,7 +15,7 @@ from diagnosis.evidence.fitted_sets import FittedSets, fitted
 from diagnosis.evidence.larger_sets import Trial, _try_held, proposals, rise, try_sets
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.proposals import Proposal
-from diagnosis.evidence.search_over_sets import explore
+from diagnosis.evidence.search_over_sets import explore, explore_from
 from identification.fit import fit
 from identification.log import Log
 from plant import BadParameter, catalogue
@@ -40,6 +40,26 @@ def test_the_first_of_two_may_simulate_worse_than_none() -> None:
     sizes = {cause.effect: cause.parameters for cause in found.causes}
     assert sizes["coulomb_friction"]["torque"].value == pytest.approx(0.18, rel=0.01)
     assert sizes["gravity_offset"]["beta"].value == pytest.approx(0.17, rel=0.01)
+
+
+def test_a_search_continues_from_a_better_fit() -> None:
+    """Where its own fits have stopped early, the effects that compete are fitted again from the better one."""
+    log = log_of(10000, stribeck_friction={"coulomb": 0.2, "excess": 0.1, "velocity": 0.2})
+    effects = {name: catalogue[name] for name in ("coulomb_friction", "stribeck_friction", "asymmetric_friction")}
+    found = explore(fit(log), effects)
+    best, right = found.best, dict(found.known)
+    assert best.names == {"stribeck_friction"}
+    assert not explore_from(found, best.fit)  # it is no better than what is known
+    assert dict(found.known) == right
+    low = {key: replace(each, log_marginal=each.log_marginal - 1e4) for key, each in found.fits.items()}
+    wrong = next(key for key in low if key[0] == {"asymmetric_friction"})
+    low[wrong] = replace(low[wrong], log_marginal=best.log_marginal - 100.0)
+    found.fits.clear()
+    found.fits.update(low)
+    assert found.best.names == {"asymmetric_friction"}
+    assert explore_from(found, best.fit)
+    assert found.best.names == {"stribeck_friction"}
+    assert found.known[frozenset({"coulomb_friction"})].log_marginal > best.log_marginal - 1e3
 
 
 @pytest.mark.long

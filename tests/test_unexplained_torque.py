@@ -97,7 +97,21 @@ def test_a_hanging_pendulum_in_a_tight_loop_is_diagnosed() -> None:
 
 def test_a_torque_that_only_follows_the_motion_is_refused() -> None:
     with pytest.raises(Unidentifiable, match="in this log the torque follows the motion"):
-        diagnose(tight_loop(0.7, 0.2))
+        diagnose(tight_loop(0.7, 0.2), inverse=False)
+
+
+def test_a_torque_that_follows_the_motion_is_predicted_from_it() -> None:
+    log = tight_loop(0.7, 0.1)
+    (run,) = log.runs
+    noisy = run.command + 0.5 * np.random.default_rng(1).normal(size=TIME.size)
+    found = diagnose(
+        replace(log, runs=(replace(run, command=noisy),)), candidates=["gravity_offset", "coulomb_friction"]
+    )
+    assert found.base.log.response == "torque"
+    assert [cause.effect for cause in found.causes] == ["gravity_offset"]
+    assert found.causes[0].parameters["beta"].value == pytest.approx(30.0 * np.sin(0.7), rel=0.05)
+    assert found.model.gravity == pytest.approx(30.0 * np.cos(0.7), rel=0.05)
+    assert found.torque_error.held_out_after < 0.1
 
 
 def test_starts_are_near_the_truth_for_any_zero_of_the_angle() -> None:
@@ -106,13 +120,13 @@ def test_starts_are_near_the_truth_for_any_zero_of_the_angle() -> None:
 
 
 def test_what_does_not_explain_the_torque_leaves_no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = sys.modules["diagnosis.diagnose"]
+    module = sys.modules["diagnosis.one_reading"]
     log = record(Machine().hiding(coulomb_friction={"torque": 0.3}), excitation(2, duration=8.0), seed=2).log()
     monkeypatch.setattr(module, "torque_predicted_worse", lambda error: "worse")
     found = diagnose(log, candidates=["coulomb_friction"])
     assert (found.verdict, "worse" in found.warnings) == ("named", True)
     monkeypatch.setattr(module, "unexplained_torque", lambda fit: "absurd")
-    found = diagnose(log, candidates=["coulomb_friction"])
+    found = diagnose(log, candidates=["coulomb_friction"], inverse=False)
     assert (found.verdict, "absurd" in found.warnings, "worse" in found.warnings) == ("unknown", True, False)
 
 

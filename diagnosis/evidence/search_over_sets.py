@@ -68,6 +68,25 @@ def explore(
     return found
 
 
+def explore_from(found: FittedSets, fit: Fit) -> bool:
+    """Continue a search from a fit of one of its sets, if that is better than its own; whether it is.
+
+    The search starts its fits from one another. If one has stopped too early, those of the competing sets have too. So
+    all are discarded and fitted again, from the better fit.
+    """
+    better = found.explanation_of(fit)
+    own = None if better is None else found.known.get(better.names)
+    if better is None or own is None or better.log_marginal <= own.log_marginal + DECISIVE:
+        return False
+    found.fits.clear()
+    found.add([better, found.explanation_of(found.null)])
+    _improve(found)
+    _replace(found)
+    _replace_by_nonparametric(found)
+    _fit_leading(found)
+    return True
+
+
 def _try_chaotic(found: FittedSets) -> None:
     """Try chaotic effects alone and, if that gains something, beside the best set; unless that leaves nothing over.
 
