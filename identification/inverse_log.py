@@ -20,6 +20,7 @@ from identification.run import Run
 _PER_PERIOD = 2.5  # samples in a period of the cutoff frequency: above it the low pass leaves little
 _MOVING = 0.99  # of a low-passed mask: a sample with hardly any rest around it
 _FEWEST = 50  # samples of a run
+_ROUNDING = 1e-6  # of a number of samples
 
 
 def inverse_log(log: Log) -> Log:
@@ -33,8 +34,8 @@ def inverse_log(log: Log) -> Log:
             "The command of this log is the set-point of a position servo, so no torque can be predicted from the "
             "motion; give the torque or the current of the drive."
         )
-    cutoff = inverse_cutoff(log)
-    runs = tuple(found for run in log.runs if (found := _inverse_run(run, cutoff)) is not None)
+    highest = inverse_cutoff(log)
+    runs = tuple(found for run in log.runs if (found := _inverse_run(run, highest)) is not None)
     if not runs:
         raise Unidentifiable(
             "The load is at rest in nearly all samples, so no torque can be predicted from its motion."
@@ -47,11 +48,14 @@ def cutoff_of(sample_time: float) -> float:
     return 1.0 / (_PER_PERIOD * sample_time)
 
 
-def _inverse_run(run: Run, cutoff: float) -> Run | None:
+def _inverse_run(run: Run, highest: float) -> Run | None:
+    """A run behind a low pass of at most a cutoff [Hz]; None if it hardly moves."""
+    dt = run.duration / (len(run) - 1)
+    step = int(np.ceil(1.0 / (_PER_PERIOD * highest * dt) - _ROUNDING))
+    cutoff = cutoff_of(step * dt)
     motion = filtered_motion(run, cutoff)
-    dt = float(motion.time[1] - motion.time[0])
     edge = max(1, min(motion.time.size // 10, round(2.0 / (cutoff * dt))))  # where the low pass is not valid
-    every = slice(edge, motion.time.size - edge, max(1, int(1.0 / (_PER_PERIOD * cutoff * dt))))
+    every = slice(edge, motion.time.size - edge, step)
     moving = ~motion.still & (np.interp(motion.time, run.time, run.valid.astype(float)) == 1.0)
     valid = smooth(moving.astype(float), cutoff, dt)[every] > _MOVING
     if valid.sum() < _FEWEST:
