@@ -69,13 +69,13 @@ def explore(
 
 
 def explore_from(found: FittedSets, fit: Fit) -> bool:
-    """Continue a search from a fit of one of its sets, if that is better than its own; whether it is.
+    """Continue a search from a fit of a set, if that is better than its own with the same observer; whether it is.
 
     The search starts its fits from one another. If one has stopped too early, those of the competing sets have too. So
     all are discarded and fitted again, from the better fit.
     """
     better = found.explanation_of(fit)
-    own = None if better is None else found.known.get(better.names)
+    own = None if better is None else found.fits.get((better.names, fit.bandwidth))
     if better is None or own is None or better.log_marginal <= own.log_marginal + DECISIVE:
         return False
     found.fits.clear()
