@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from diagnosis.candidates import Choice, chosen
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.explanation.wording import joined_words, title_of
 from diagnosis.inverse_model import unexplained_torque
 from diagnosis.levels import LIKELY, SURE
 from diagnosis.one_reading import diagnose_once
@@ -23,11 +24,9 @@ from plant.effects.effect import Effect
 from plant.model_file import ModelLike, model_of
 from plant.servo import ServoModel
 
-_NOT_SHOWN = "it does not show effects of the actuator, of a flexible drivetrain and of the sensor"
-_INVERSE = f"The torque is predicted from the motion (inverse model): {_NOT_SHOWN}."
-_INVERSE_INSTEAD = (
-    "No effect explains how the motion follows from the torque. So the torque is predicted from the motion, as for a "
-    f"joint in a tight loop (inverse model): {_NOT_SHOWN}."
+_INVERSE = (
+    "The torque is predicted from the motion (inverse model): it does not show effects of the actuator, of a flexible "
+    "drivetrain and of the sensor, and its sizes hold for a tight loop."
 )
 
 
@@ -59,7 +58,8 @@ def diagnose(
             the whole catalogue.
         exclude: names of effects that are not candidates.
         inverse: whether to predict the torque from the motion, as for a robot in a tight loop. By default this is done
-            if no effect explains the motion.
+            where a model of the motion is refused or explains none of the torque. Where no effect explains the motion,
+            a warning tells what it shows.
         force: diagnose also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each step.
 
@@ -83,12 +83,12 @@ def diagnose(
     def by_motion() -> Diagnosis:
         return _by_motion(log, (estimation, validation), start, known, effects, tell, notes, divided=given is None)
 
-    def by_torque(why: str) -> Diagnosis:
-        told = (start.on_the_load(), known, effects, tell, [*notes, why])
+    def by_torque() -> Diagnosis:
+        told = (start.on_the_load(), known, effects, tell, [*notes, _INVERSE])
         return diagnose_once((estimation, validation), *told, inverse=True)
 
     if inverse is not None:
-        return by_torque(_INVERSE) if inverse else by_motion()
+        return by_torque() if inverse else by_motion()
     found, refusal = None, Unidentifiable()
     try:
         found = by_motion()
@@ -98,24 +98,29 @@ def diagnose(
         return found
     tell("predicting the torque from the motion")
     with suppress(Unidentifiable):
-        other = by_torque(_INVERSE_INSTEAD)
-        if _says_more(other, found):
+        other = by_torque()
+        if found is not None and unexplained_torque(found.extended) is None:
+            return replace(found, warnings=(*found.warnings, *_shown_by(other)))
+        if other.torque_error.estimation_after**2 <= 1.0 - LIKELY:
             return other
     if found is None:
         raise refusal
     return found
 
 
-def _says_more(inverse: Diagnosis, than: Diagnosis | None) -> bool:
-    """Whether an inverse model names an effect for sure, or explains the torque where a model of the motion does not.
+def _shown_by(inverse: Diagnosis) -> tuple[str, ...]:
+    """A sentence on the effects that an inverse model names for sure, if there are any.
 
-    Args:
-        inverse: the diagnosis with it.
-        than: the diagnosis that predicts the motion, without an effect that explains it; None if it was refused.
+    It is a hint only. If the loop is not tight, a disturbance moves the load, and the sizes are wrong; the log does not
+    show how tight the loop was, but the user knows it.
     """
-    if than is None or unexplained_torque(than.extended) is not None:
-        return inverse.torque_error.estimation_after**2 <= 1.0 - LIKELY
-    return inverse.verdict != "unknown" and any(cause.probability > SURE for cause in inverse.causes)
+    sure = [title_of(cause.effect) for cause in inverse.causes if cause.probability > SURE]
+    if not sure or inverse.verdict == "unknown":
+        return ()
+    return (
+        f"Predicted from the motion instead (inverse model), the torque shows {joined_words(sure)} with a probability "
+        "above 90 %. If it was measured in a tight loop, use that: --inverse (in Python inverse=True).",
+    )
 
 
 def _by_motion(

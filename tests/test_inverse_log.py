@@ -54,15 +54,12 @@ def test_friction_is_named_by_the_inverse_model(log: Log) -> None:
     assert any("predicted from the motion (inverse model)" in warning for warning in found.warnings)
 
 
-def test_the_torque_is_predicted_if_no_effect_explains_motion() -> None:
-    log = tight_loop(0, disturbance=0.2, duration=15.0)
-    found = diagnose(log, candidates=FEW[:2])
-    assert {cause.effect for cause in found.causes} == {"coulomb_friction"}
-    assert found.base.log.response == "torque"
-    assert any(warning.startswith("No effect explains how the motion") for warning in found.warnings)
-    by_motion = diagnose(log, candidates=FEW[:2], inverse=False)
-    assert by_motion.verdict == "unknown"
-    assert by_motion.base.log.response == "angle"
+def test_what_an_inverse_model_shows_is_told_if_motion_is_unknown() -> None:
+    found = diagnose(tight_loop(0, disturbance=0.2, duration=15.0), candidates=FEW[:2])
+    assert found.verdict == "unknown"
+    assert found.base.log.response == "angle"
+    (hint,) = (warning for warning in found.warnings if "--inverse" in warning)
+    assert "the torque shows Coulomb friction with a probability above 90 %" in hint
 
 
 def test_a_motion_that_is_explained_is_not_read_inversely() -> None:
@@ -74,6 +71,7 @@ def test_a_motion_that_is_explained_is_not_read_inversely() -> None:
     assert found.verdict == "named"
     assert found.base.log.response == "angle"
     assert found.to_dict()["data"]["read_as"] == "command"
+    assert not any("inverse" in warning for warning in found.warnings)
 
 
 def test_the_report_says_torque_where_a_torque_is_predicted(log: Log, tmp_path) -> None:
