@@ -73,6 +73,7 @@ def fit_page(
     ]
     content = {
         "unit": unit,
+        "inverse": fit.log.response == "torque",
         "equations": model_equations(fit.model),
         "noise": measured(fit.noise_std, fit.noise_std / np.sqrt(2.0 * fit.samples), unit),
         "samples": fit.samples,

@@ -167,7 +167,7 @@ class Fit(Presented):
         return ModelFile(
             model=self.model,
             std={p.name: p.std for p in self.parameters},
-            sample_time=self.log.runs[0].sample_time,
+            sample_time=self.log.runs[0].sample_time / self.log.decimation,
             gears=gears,
             source=tuple({"file": s.file, "sha256": s.sha256} for s in self.log.sources),
         )
@@ -196,6 +196,7 @@ class Fit(Presented):
 def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
     """The fit as text: one line per parameter, then the correlations above `correlated`."""
     process = "output error" if fit.bandwidth == 0.0 else f"observer bandwidth {fit.bandwidth:.3g} rad/s"
+    process = "inverse model" if fit.log.response == "torque" else process
     lines = [f"Fit of {len(fit.log.runs)} run(s), {fit.samples} samples: {process}"]
     lines += [f"  noise {fit.noise_std:.4g} {fit.log.measured_unit}, log-likelihood {fit.log_likelihood:.1f}", ""]
     width = max(len(p.name) for p in fit.parameters)

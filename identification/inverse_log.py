@@ -40,7 +40,8 @@ def inverse_log(log: Log) -> Log:
         raise Unidentifiable(
             "The load is at rest in nearly all samples, so no torque can be predicted from its motion."
         )
-    return replace(log, runs=runs, colour=(), unsettled=False)
+    decimation = round(runs[0].sample_time / log.runs[0].sample_time)
+    return replace(log, runs=runs, colour=(), unsettled=False, decimation=decimation)
 
 
 def cutoff_of(sample_time: float) -> float:

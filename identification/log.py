@@ -54,6 +54,7 @@ class Log(Drawn):
     colour: autoregression of the measurement noise from `identification.coloured_noise`; empty for white noise.
     evenly_timed: whether `identification.time_stamp_jitter` replaced the time stamps by even times.
     unsettled: whether `identification.unsettled_start` found that hidden states do not begin settled.
+    decimation: recorded samples per sample of an `identification.inverse_log`.
 
     Raises `MalformedLog` when there is no run.
     """
@@ -69,9 +70,20 @@ class Log(Drawn):
     colour: tuple[float, ...] = ()
     evenly_timed: bool = False
     unsettled: bool = False
+    decimation: int = 1
 
     _internal: ClassVar[frozenset[str]] = Drawn._internal | {
-        *("colour", "evenly_timed", "unsettled", "from_recordings", "head", "of_files", "of_tables", "shows"),
+        *(
+            "colour",
+            "decimation",
+            "evenly_timed",
+            "unsettled",
+            "from_recordings",
+            "head",
+            "of_files",
+            "of_tables",
+            "shows",
+        ),
         *("torque_unit", "usable"),
     }
 

@@ -38,6 +38,8 @@ def test_inertia_is_not_inflated_in_a_tight_loop() -> None:
     assert inverse["coulomb_friction.torque"].value == pytest.approx(COULOMB, rel=0.05)
     assert inverse["viscous_friction"].value == pytest.approx(VISCOUS, rel=0.1)
     assert inverse.log.measured_unit == "N m"
+    assert "inverse model" in str(inverse).splitlines()[0]
+    assert inverse.model_file().sample_time == pytest.approx(0.005, rel=1e-6)  # of a controller that follows
 
 
 def test_friction_is_named_by_the_inverse_model(log: Log) -> None:
@@ -156,6 +158,8 @@ def test_commands_predict_the_torque_where_that_is_asked_for(file: Path, tmp_pat
         result = antidrive("identify", file, "--base", base, option, "--json", "--out", tmp_path / "out")
         assert result.code == 0, result.err
         inertia[option] = json.loads(result.out)["parameters"]["inertia"]["value"]
+        page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+        assert ("The torque, predicted from the motion." in page) == (option == "--inverse")
     assert inertia["--inverse"] == pytest.approx(INERTIA, rel=0.08)
     assert inertia["--no-inverse"] > 1.2 * INERTIA
 
