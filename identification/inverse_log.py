@@ -27,8 +27,13 @@ def inverse_log(log: Log) -> Log:
     """The log with the torque as the response.
 
     Raises:
-        Unidentifiable: the command is the set-point of a position servo, or the load is at rest in nearly all samples.
+        Unidentifiable: only the velocity was measured, the command is the set-point of a position servo, or the load is
+            at rest in nearly all samples.
     """
+    if log.response == "velocity":
+        raise Unidentifiable(
+            "An inverse model needs the angle, and this log has the velocity alone; log the angle too."
+        )
     if any(run.positioned for run in log.runs):
         raise Unidentifiable(
             "The command of this log is the set-point of a position servo, so no torque can be predicted from the "

@@ -119,6 +119,9 @@ def test_a_log_without_an_inverse_model_is_refused(log: Log) -> None:
     servo = replace(log, runs=(replace(run, servo_gain=np.full(len(run), 5.0)),))
     with pytest.raises(Unidentifiable, match="set-point of a position servo"):
         inverse_log(servo)
+    speed = Log.from_arrays(time=run.time, torque=run.command, velocity=np.gradient(run.output, run.time))
+    with pytest.raises(Unidentifiable, match="needs the angle"):
+        inverse_log(speed)
     still = replace(log, runs=(replace(run, output=np.full(len(run), 0.3)),))
     with pytest.raises(Unidentifiable, match="at rest in nearly all samples"):
         fit(still, inverse=True)
@@ -133,6 +136,16 @@ def test_runs_of_an_inverse_log_are_compared() -> None:
     found = between_run_differences(fit(both, RUBS, inverse=True))
     assert found is not None
     assert "inertia" in found or "coulomb_friction" in found
+
+
+def test_a_payload_of_a_run_is_part_of_its_needed_torque() -> None:
+    log = tight_loop(4, disturbance=0.0, noise=0.0, coulomb=0.0)
+    (run,) = log.runs
+    light = ServoModel(inertia=INERTIA - 0.3, gravity=GRAVITY - 1.0, viscous_friction=VISCOUS)
+    loaded = replace(log, runs=(replace(run, own={"inertia": 0.3, "gravity": 1.0}),))
+    found = fit(loaded, light, inverse=True)
+    assert found["inertia"].value == pytest.approx(INERTIA - 0.3, abs=0.02)
+    assert found["gravity"].value == pytest.approx(GRAVITY - 1.0, abs=0.02)
 
 
 def test_the_needed_torque_is_the_output(log: Log) -> None:
