@@ -69,14 +69,15 @@ def explore(
 
 
 def explore_from(found: FittedSets, fit: Fit) -> bool:
-    """Continue a search from a fit of a set, if that is better than its own with the same observer; whether it is.
+    """Continue a search from a fit of one of its sets, if that is better than all of its own; whether it is.
 
     The search starts its fits from one another. If one has stopped too early, those of the competing sets have too. So
     all are discarded and fitted again, from the better fit.
     """
     better = found.explanation_of(fit)
-    own = None if better is None else found.fits.get((better.names, fit.bandwidth))
-    if better is None or own is None or better.log_marginal <= own.log_marginal + DECISIVE:
+    if better is None or (better.names, fit.bandwidth) not in found.fits:  # that observer was not asked for this set
+        return False
+    if better.log_marginal <= found.best.log_marginal + DECISIVE:
         return False
     found.fits.clear()
     found.add([better, found.explanation_of(found.null)])
