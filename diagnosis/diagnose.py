@@ -15,6 +15,7 @@ from diagnosis.one_reading import diagnose_once
 from diagnosis.validation_only import is_of_parameters, only_in_validation
 from diagnosis.validation_split import fitted_too, parts, split_otherwise
 from identification.errors import Unidentifiable
+from identification.feedback import torque_responds
 from identification.fit import base_model, known_of
 from identification.log import Log
 from identification.log_like import LogLike, log_of
@@ -58,8 +59,8 @@ def diagnose(
             the whole catalogue.
         exclude: names of effects that are not candidates.
         inverse: whether to predict the torque from the motion, as for a robot in a tight loop. By default this is done
-            where a model of the motion is refused or explains none of the torque. Where no effect explains the motion,
-            a warning tells what it shows.
+            where a model of the motion is refused or explains none of the torque. Where no effect explains the motion
+            in a loop, a warning tells what it shows.
         force: diagnose also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each step.
 
@@ -96,10 +97,13 @@ def diagnose(
         refusal = error
     if found is not None and (found.verdict != "unknown" or found.only_in_validation is not None):
         return found
+    explained = found is not None and unexplained_torque(found.extended) is None
+    if found is not None and explained and not torque_responds(log):  # an open loop is not tight
+        return found
     tell("predicting the torque from the motion")
     with suppress(Unidentifiable):
         other = by_torque()
-        if found is not None and unexplained_torque(found.extended) is None:
+        if found is not None and explained:
             return replace(found, warnings=(*found.warnings, *_shown_by(other)))
         if other.torque_error.estimation_after**2 <= 1.0 - LIKELY:
             return other

@@ -15,8 +15,10 @@ from tight_loop import COULOMB, GRAVITY, INERTIA, VISCOUS, tight_loop
 from diagnosis import diagnose
 from identification import Log, Unidentifiable, fit, free_simulation, inverse_log
 from identification.between_run_differences import between_run_differences
+from identification.feedback import torque_responds
 from plant import ServoModel, catalogue, simulate
 from plant.effects import CoulombFriction, DeadZone, PreslidingHysteresis, TorqueOffset
+from plant.signals import chirp
 
 RUBS = ServoModel(
     inertia=INERTIA, gravity=GRAVITY, viscous_friction=VISCOUS, effects=(CoulombFriction(torque=COULOMB),)
@@ -56,7 +58,7 @@ def test_friction_is_named_by_the_inverse_model(log: Log) -> None:
     assert any("predicted from the motion (inverse model)" in warning for warning in found.warnings)
 
 
-def test_what_an_inverse_model_shows_is_told_if_motion_is_unknown() -> None:
+def test_an_unknown_motion_has_a_hint_at_the_inverse_model() -> None:
     found = diagnose(tight_loop(0, disturbance=0.2, duration=15.0), candidates=FEW[:2])
     assert found.verdict == "unknown"
     assert found.base.log.response == "angle"
@@ -84,6 +86,15 @@ def test_the_report_says_torque_where_a_torque_is_predicted(log: Log, tmp_path) 
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "predicted from the motion" in text
     assert "simulated from the command alone" not in text
+
+
+def test_a_torque_responds_to_the_motion_in_a_loop_alone(log: Log) -> None:
+    assert torque_responds(log)
+    noise = np.random.default_rng(0).normal(size=(2, 4000))
+    swept = chirp(amplitude=2.0, start=0.1, stop=3.0, duration=20.0, sample_time=0.005)
+    for torque in (np.repeat(noise[0, :200], 20), swept[:4000]):
+        angle = simulate(RUBS, command=torque, dt=0.005, substeps=4)[:-1, 0] + 1e-4 * noise[1]
+        assert not torque_responds(Log.from_arrays(time=0.005 * np.arange(4000), torque=torque, angle=angle))
 
 
 def test_slopes_of_the_needed_torque_are_exact(log: Log) -> None:

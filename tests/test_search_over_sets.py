@@ -44,7 +44,8 @@ def test_the_first_of_two_may_simulate_worse_than_none() -> None:
 
 def test_a_search_continues_from_a_better_fit() -> None:
     """Where its own fits have stopped early, the effects that compete are fitted again from the better one."""
-    log = log_of(10000, stribeck_friction={"coulomb": 0.2, "excess": 0.1, "velocity": 0.2})
+    friction = Machine().hiding(stribeck_friction={"coulomb": 0.2, "excess": 0.1, "velocity": 0.2})
+    log = record(friction, excitation(10000, duration=12.0), seed=5000).log()
     effects = {name: catalogue[name] for name in ("coulomb_friction", "stribeck_friction", "asymmetric_friction")}
     found = explore(fit(log), effects)
     best, right = found.best, dict(found.known)
