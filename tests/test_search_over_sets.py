@@ -13,7 +13,7 @@ from machine import Follower, Machine, excitation, record, wandering_reference
 from diagnosis import Diagnosis, diagnose
 from diagnosis.evidence.fitted_sets import FittedSets, fitted
 from diagnosis.evidence.larger_sets import Trial, _try_held, proposals, rise, try_sets
-from diagnosis.evidence.marginal import families_along
+from diagnosis.evidence.marginal import Explanation, families_along
 from diagnosis.evidence.proposals import Proposal
 from diagnosis.evidence.search_over_sets import explore, explore_from
 from identification.fit import fit
@@ -52,7 +52,7 @@ def test_a_search_continues_from_a_better_fit() -> None:
     assert best.names == {"stribeck_friction"}
     assert not explore_from(found, best.fit)  # it is no better than what is known
     assert dict(found.known) == right
-    low = {key: replace(each, log_marginal=each.log_marginal - 1e4) for key, each in found.fits.items()}
+    low = {key: _worse(each) for key, each in found.fits.items()}
     wrong = next(key for key in low if key[0] == {"asymmetric_friction"})
     low[wrong] = replace(low[wrong], log_marginal=best.log_marginal - 100.0)
     found.fits.clear()
@@ -61,6 +61,12 @@ def test_a_search_continues_from_a_better_fit() -> None:
     assert explore_from(found, best.fit)
     assert found.best.names == {"stribeck_friction"}
     assert found.known[frozenset({"coulomb_friction"})].log_marginal > best.log_marginal - 1e3
+
+
+def _worse(each: Explanation) -> Explanation:
+    """A set whose fit has stopped early."""
+    fit = replace(each.fit, log_likelihood=each.fit.log_likelihood - 1e4)
+    return replace(each, likelihood=replace(each.likelihood, fit=fit), log_marginal=each.log_marginal - 1e4)
 
 
 @pytest.mark.long

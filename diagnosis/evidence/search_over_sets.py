@@ -74,10 +74,12 @@ def explore_from(found: FittedSets, fit: Fit) -> bool:
     The search starts its fits from one another. If one has stopped too early, those of the competing sets have too. So
     all are discarded and fitted again, from the better fit.
     """
-    better = found.explanation_of(fit)
-    if better is None or (better.names, fit.bandwidth) not in found.fits:  # that observer was not asked for this set
+    names = frozenset(effect.name for effect in fit.model.effects if not found.null.model.holds(effect.name))
+    own = found.fits.get((names, fit.bandwidth))  # None if that observer was not asked for this set
+    if own is None or fit.log_likelihood <= own.fit.log_likelihood + DECISIVE:
         return False
-    if better.log_marginal <= found.best.log_marginal + DECISIVE:
+    better = found.explanation_of(fit)
+    if better is None or better.log_marginal <= found.best.log_marginal + DECISIVE:
         return False
     found.fits.clear()
     found.add([better, found.explanation_of(found.null)])
