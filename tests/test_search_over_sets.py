@@ -58,7 +58,11 @@ def test_a_search_continues_from_a_better_fit() -> None:
     found.fits.clear()
     found.fits.update(low)
     assert found.best.names == {"asymmetric_friction"}
+    gone = frozenset({"backlash"}), 0.0
+    found.proposed[gone] = []
     assert explore_from(found, best.fit)
+    assert gone not in found.proposed
+    assert not {id(each) for each in low.values()} & {id(each) for each in found.fits.values()}  # all are fitted again
     assert found.best.names == {"stribeck_friction"}
     assert found.known[frozenset({"coulomb_friction"})].log_marginal > best.log_marginal - 1e3
 

@@ -74,7 +74,7 @@ def explore_from(found: FittedSets, fit: Fit) -> bool:
     The search starts its fits from one another. If one has stopped too early, those of the competing sets have too. So
     all are discarded and fitted again, from the better fit.
     """
-    names = frozenset(effect.name for effect in fit.model.effects if not found.null.model.holds(effect.name))
+    names = frozenset(effect.name for effect in fit.model.effects) - {each.name for each in found.null.model.effects}
     own = found.fits.get((names, fit.bandwidth))  # None if that observer was not asked for this set
     if own is None or fit.log_likelihood <= own.fit.log_likelihood + DECISIVE:
         return False
@@ -82,6 +82,7 @@ def explore_from(found: FittedSets, fit: Fit) -> bool:
     if better is None or better.log_marginal <= found.best.log_marginal + DECISIVE:
         return False
     found.fits.clear()
+    found.proposed.clear()
     found.add([better, found.explanation_of(found.null)])
     _improve(found)
     _replace(found)
