@@ -15,7 +15,8 @@ import numpy as np
 
 from identification.log import Run
 from identification.noise import whiten
-from identification.predictor import PIECE, Prediction, forgetful, moves_with, run_inputs, sample_shown
+from identification.observer_steps import forgetful, moves_with, sample_shown
+from identification.predictor import PIECE, Prediction, run_inputs
 from identification.recording import Response
 from plant.built_once import recursion
 from plant.discrete import INPUTS, Structure

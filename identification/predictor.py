@@ -15,53 +15,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, partial
 
-import casadi as ca
 import numpy as np
 
 from identification.log import Log, Run
 from identification.noise import Whitening
 from identification.observer_gain import correcting_gain
+from identification.observer_steps import FADING, drivetrain_states, follow, moves_with
 from identification.recording import Response
 from identification.run_parameters import own_slopes, own_values
-from plant.built_once import recursion
-from plant.discrete import INPUTS, Structure, integration_steps, sample_reading
-from plant.effects import State
+from plant.discrete import INPUTS, Structure, integration_steps
 from plant.effects.effect import Array
 from plant.effects.goal_rate_limit import first_goal
 from plant.measured_torque import supporting_points
-from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 from plant.simulation import beginning, whole_samples
-from plant.symbolic import one_at_a_time
 
 PIECE = 4096  # samples that are processed at once, to limit the memory
 _TO_THE_NEXT = -1  # delay of a measured torque in samples: it is interpolated from each sample to the next
 
-
-FADING = 0.15
-"""Rate at which sensitivities that grow without bound are damped [1/sample]."""
 
 DIVERGED = 1e3
 """Growth of an initial error beyond which all sensitivities are nearly parallel, and the rest is rounding."""
 
 HELD = 0.5 * FADING
 """Observer bandwidth at which a chaotic model follows the log [rad/sample]."""
-
-
-def sample_shown(model: ServoModel, response: Response) -> Any:
-    """The measured quantity as a Function of (n,) state and (P,) parameters; a velocity is that of the load."""
-    if response == "angle":
-        return sample_reading(model)
-    return _sample_velocity(len(model.states), len(model.names))
-
-
-@one_at_a_time
-def _sample_velocity(states: int, parameters: int) -> Any:
-    state, values = ca.SX.sym("state", states), ca.SX.sym("parameters", parameters)
-    return ca.Function("sample_velocity", [state, values], [state[1]])
 
 
 def measured_state(response: Response) -> int:
@@ -161,10 +140,16 @@ class Predictor:
         self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
     ) -> Iterator[tuple[int, Prediction]]:
         """`predict` piece by piece, with the index of the run: a pass over a long log with little memory."""
-        free = self.free if sensitivities else None
-        positioned = any(run.positioned for run in self.runs)
         own_start = len(self.fitted_starts)
-        follow = _prediction(Structure(self.model), free, self.substeps, positioned, self.runs[0].response, own_start)
+        step = partial(
+            follow,
+            structure=Structure(self.model),
+            free=self.free if sensitivities else None,
+            substeps=self.substeps,
+            positioned=any(run.positioned for run in self.runs),
+            response=self.runs[0].response,
+            initials=own_start,
+        )
         for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
             carried = self._beginning(run, values, start, sensitivities)
             whitened = Whitening(self.colour)
@@ -172,20 +157,20 @@ class Predictor:
             for first in range(0, len(run), PIECE):
                 part = slice(first, min(first + PIECE, len(run)))
                 rows, moved = run_inputs(run, self.model, values, bandwidth, width, part)
-                carried, (errors, jacobian, states) = follow(carried, rows, moved)
-                output = rows[:, len(INPUTS)] - errors[:, 0]
+                carried, (errors, jacobian, states) = step(carried, rows, moved)
+                output = rows[:, len(INPUTS)] - errors
                 if own is not None:
                     jacobian = np.hstack((jacobian[:, :-own_start] @ own, jacobian[:, -own_start:]))
                 masked = ~run.valid[part]
                 errors[masked], jacobian[masked] = 0.0, 0.0  # not times zero: a simulation that overflows is infinite
-                white = whitened(np.hstack((errors, jacobian))) if self.colour else None
+                white = whitened(np.column_stack((errors, jacobian))) if self.colour else None
                 if white is not None:
                     white[masked] = 0.0
                 yield (
                     place,
                     Prediction(
-                        errors=errors[:, 0],
-                        innovations=errors[:, 0] if white is None else white[:, 0],
+                        errors=errors,
+                        innovations=errors if white is None else white[:, 0],
                         jacobian=jacobian if white is None else white[:, 1:],
                         states=states.T,
                         output=output,
@@ -280,80 +265,6 @@ def _delayed(values: Array, samples: int, part: slice) -> Array:
     return np.asarray(values[np.clip(np.arange(part.start, part.stop) - samples, 0, values.size - 1)])
 
 
-def moves_with(model: ServoModel) -> Array:
-    """(n, 2) states that an observer corrects together with the angle, and together with the velocity.
-
-    (n, 3) with a random-walk disturbance, whose states are in the third column.
-    """
-    moved = (State.ANGLE, State.VELOCITY, State.RANDOM_WALK)[: 3 if model.has_random_walk else 2]
-    return np.array([[kind is one for one in moved] for kind in model.kinds], dtype=float)
-
-
 def initial_moves(model: ServoModel) -> Array:
     """(n, n) states that move with each number of an initial state: with angle, velocity, departures of the others."""
     return np.hstack((moves_with(model)[:, :2], np.eye(len(model.states))[:, 2:]))
-
-
-@recursion(carried=2)
-def _prediction(
-    structure: Structure,
-    free: tuple[int, ...] | None,
-    substeps: int,
-    positioned: bool,
-    response: Response,
-    initials: int = 2,
-) -> Any:
-    """(state, slopes), rows of `run_inputs`, parameters -> error, its slopes, predicted state, at each sample.
-
-    Without `free` there are no slopes; if no run is `positioned` there is no servo gain.
-    """
-    model = structure.model
-    n, columns = len(model.states), 0 if free is None else len(free) + initials
-    step = step_with_slopes(model, free or (), columns, substeps=substeps, positioned=positioned)
-    state, slopes = ca.SX.sym("state", n), ca.SX.sym("slopes", n, columns)
-    moved_by = moves_with(model)
-    row, parameters = ca.SX.sym("row", len(INPUTS) + 1 + moved_by.shape[1]), ca.SX.sym("parameters", len(model.names))
-    shown = sample_shown(model, response)(state, parameters)
-    error = row[len(INPUTS)] - shown
-    error_slopes = -ca.mtimes(ca.jacobian(shown, state), slopes)
-    if free is not None:
-        error_slopes -= ca.horzcat(ca.jacobian(shown, parameters[list(free)]), ca.SX(1, initials))
-    correction = ca.mtimes(ca.DM(moved_by), row[len(INPUTS) + 1 :])
-    followed = slopes + ca.mtimes(correction, error_slopes)
-    corrected = [state + correction * error, forgetful(model, followed)]
-    outputs = [ca.densify(value) for value in (*corrected, error, error_slopes, state)]
-    correct = ca.Function("correct", [state, slopes, row, parameters], outputs, {"cse": True})
-
-    kind: Any = ca.SX if step.is_a("SXFunction") else ca.MX
-    entering = [kind.sym("entering", *value.shape) for value in (state, slopes, row, parameters)]
-    *moved, seen, seen_slopes, before = correct(*entering)
-    following = step(*moved, entering[2][: len(INPUTS)], entering[3])
-    outputs = [*following, seen, seen_slopes, before]
-    return ca.Function("predict", entering, outputs, {"cse": kind is ca.SX})
-
-
-def drivetrain_states(model: ServoModel) -> range:
-    """Places of the states of the drivetrain."""
-    motor = model.drivetrain
-    if motor is None:
-        return range(0)
-    first = 2 + sum(len(effect.states) for effect in model.effects[: model.effects.index(motor)])
-    return range(first, first + len(motor.states))
-
-
-def forgetful(model: ServoModel, slopes: Any) -> Any:
-    """Sensitivities (n, columns) in which those of a chaotic drivetrain are damped.
-
-    After a few impacts in quick succession the exact sensitivities are extremely large and meaningless. So the
-    sensitivity of the motor's motion relative to the load decays at the rate `FADING`: it is kept about from one
-    reversal to the next.
-    """
-    motor = model.drivetrain
-    if motor is None or not motor.chaotic:
-        return slopes
-    first = drivetrain_states(model).start
-    rows = ca.vertsplit(slopes)
-    kept = np.exp(-FADING)
-    for place in (0, 1):
-        rows[first + place] = rows[place] + kept * (rows[first + place] - rows[place])
-    return ca.vertcat(*rows)

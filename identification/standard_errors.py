@@ -11,7 +11,8 @@ from identification.fit_result import Fit, FittedParameter
 from identification.least_squares import Minimum, uncertainty
 from identification.noise import log_likelihood
 from identification.objective import Objective
-from identification.predictor import FADING, Prediction
+from identification.observer_steps import FADING
+from identification.predictor import Prediction
 from identification.prior import natural_scales
 from identification.sums_over_runs import informations
 from plant.effects.effect import Array

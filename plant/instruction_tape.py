@@ -1,4 +1,4 @@
-"""A CasADi function as a list of its instructions, executed by one compiled loop that is the same for all functions.
+"""A CasADi function as a list of its instructions, executed by a compiled loop that is the same for all functions.
 
 Compiling a function takes as long as executing the list for a hundred thousand rows; most functions of a search over
 models are executed for fewer. So only the loop is compiled, once for all of them. Instructions of the same kind are
@@ -14,7 +14,6 @@ import ctypes
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from hashlib import sha256
 from io import BytesIO
 from typing import Any, Self, TypeAlias
@@ -23,60 +22,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.machine_code import MachineCode
 from plant.symbolic import one_at_a_time
+from plant.tape_loops import LANES, known, loops
 
 Array: TypeAlias = NDArray[np.float64]
 Places: TypeAlias = NDArray[np.int32]
-
-_OF_ONE = {
-    **{name: f"{name.lower()}(x)" for name in ("EXP", "LOG", "SQRT", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN")},
-    **{name: f"{name.lower()}(x)" for name in ("FLOOR", "CEIL", "FABS", "ERF", "SINH", "COSH", "TANH")},
-    **{name: f"{name.lower()}(x)" for name in ("ASINH", "ACOSH", "ATANH", "LOG1P", "EXPM1")},
-    **{"ASSIGN": "x", "NEG": "-x", "SQ": "x * x", "TWICE": "x + x", "INV": "1.0 / x", "NOT": "!x"},
-    **{"SIGN": "x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x"},
-}
-_OF_TWO = {
-    **{"ADD": "x + y", "SUB": "x - y", "MUL": "x * y", "DIV": "x / y", "POW": "pow(x, y)", "CONSTPOW": "pow(x, y)"},
-    **{"LT": "x < y", "LE": "x <= y", "EQ": "x == y", "NE": "x != y", "AND": "x && y", "OR": "x || y"},
-    **{"FMIN": "x < y || y != y ? x : y", "FMAX": "x > y || y != y ? x : y", "IF_ELSE_ZERO": "x != 0.0 ? y : 0.0"},
-    **{name: f"{name.lower()}(x, y)" for name in ("FMOD", "REMAINDER", "COPYSIGN", "ATAN2", "HYPOT")},
-}
-"""C expressions of CasADi's operations, as in CasADi's own code."""
-
-_LOOP = """
-#include <math.h>
-#include <string.h>
-#ifdef _WIN32
-__declspec(dllexport)
-#endif
-int follow_tape(long long rows, long long width, const double* row, long long handed, const long long* size,
-                double** carried, long long written, const long long* shown_size, double** shown, const int* outputs,
-                double dust, long long groups, const int* kinds, const int* counts, const int* first, const int* second,
-                double* values, double* results, long long once, long long still) {
-  long long i, j, k, g;
-  for (k = 0; k < rows; ++k) {
-    const long long begun = k ? still : 0;
-    double *entry = values, *out = results + begun;
-    const int *a = first + begun, *b = second + begun, *o = outputs;
-    for (i = 0; i < handed; entry += size[i++]) memcpy(entry, carried[i], size[i] * sizeof(double));
-    memcpy(entry, row + k * width, width * sizeof(double));
-    for (g = k ? once : 0; g < groups; a += counts[g], b += counts[g], out += counts[g], ++g) {
-      const long long n = counts[g];
-      switch (kinds[g]) {
-%s
-      default: return 1;
-      }
-    }
-    for (i = 0; i < handed; ++i)
-      for (j = 0; j < size[i]; ++j, ++o) carried[i][j] = values[*o] * (fabs(values[*o]) >= dust);
-    for (i = 0; i < written; ++i) for (j = 0; j < shown_size[i]; ++j) shown[i][k * shown_size[i] + j] = values[*o++];
-  }
-  return 0;
-}
-"""
-_ONE = "      case %d: for (i = 0; i < n; ++i) { const double x = values[a[i]]; out[i] = %s; } break;"
-_TWO = "      case %d: for (i = 0; i < n; ++i) { const double x = values[a[i]], y = values[b[i]]; out[i] = %s; } break;"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,6 +41,7 @@ class InstructionTape:
         kinds, counts: operation of each group of instructions, and the group's size.
         once: number of leading groups that give the same result in every row.
         first, second: places of each instruction's operands.
+        results: places of the instructions' results.
         outputs: places of the elements of all outputs.
         written: number of instructions in the function's code, where a function called several times counts once.
     """
@@ -104,6 +55,7 @@ class InstructionTape:
     once: int
     first: Places
     second: Places
+    results: Places
     outputs: Places
     written: int
 
@@ -129,7 +81,7 @@ class InstructionTape:
             elif kind == ca.OP_OUTPUT:
                 place, element = flat.instruction_output(k)
                 outputs[place, element] = values[cells[0]]
-            elif kind in _kinds():
+            elif kind in known():
                 operands.append((values[cells[0]], values[cells[-1]]))
                 kinds.append(kind)
                 values[flat.instruction_output(k)[0]] = unplaced
@@ -137,9 +89,12 @@ class InstructionTape:
             else:
                 return None
         order, groups, once = _ordered(kinds, operands, moving=sum(inputs[: carried + 1]))
-        results = begins[-1] + len(constants)
+        given, still = begins[-1] + len(constants), sum(count for _, count in groups[:once])
+        places = given + np.arange(len(order), dtype=np.int32)
+        if not carried:
+            places = given + _reused([operands[k] for k in order], order, list(outputs.values()), still)
         place_of = np.empty(len(order), dtype=np.int32)
-        place_of[order] = results + np.arange(len(order))
+        place_of[order] = places
 
         def placed(those: Sequence[int]) -> Places:
             found = np.array(those, dtype=np.int32)
@@ -156,6 +111,7 @@ class InstructionTape:
             once=once,
             first=placed([operands[k][0] for k in order]),
             second=placed([operands[k][1] for k in order]),
+            results=places,
             outputs=placed([outputs[p, e] for p, size in enumerate(shown) for e in range(size)]),
             written=_written(function),
         )
@@ -179,34 +135,37 @@ class InstructionTape:
     @property
     def identifier(self) -> str:
         """Hash, equal for equal tapes only."""
-        arrays = (self.constants, self.kinds, self.counts, self.first, self.second, self.outputs)
+        arrays = (self.constants, self.kinds, self.counts, self.first, self.second, self.results, self.outputs)
         sizes = repr((self.inputs, self.carried, self.shown, self.once))
         return sha256(sizes.encode() + b"".join(values.tobytes() for values in arrays)).hexdigest()
 
     def follow(
         self, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array], dust: float = 0.0
     ) -> bool:
-        """Execute for rows (T, width), with the carried values changed in place; False if there is no loop.
+        """Execute for rows (T, width), with the carried values changed in place; False if there is no compiled loop.
 
         Carried values smaller than `dust` are set to zero.
         """
-        library = _loop()
+        library = loops()
         if library is None:
             return False
-        values = np.concatenate(
-            (np.empty(sum(self.inputs[: self.carried + 1])), *fixed, self.constants, np.empty(len(self.first)))
-        )
-        results = values[values.size - len(self.first) :]
-        sizes = np.array([*self.inputs[: self.carried], 0], dtype=np.int64)
+        handed, given = self.carried, np.concatenate((*fixed, self.constants))
+        still = sum(self.inputs[: handed + 1])
+        values = np.empty((int(self.results.max(initial=still + given.size - 1)) + 1, 1 if handed else LANES))
+        values[still : still + given.size] = given[:, None]
         written = np.array([*self.shown, 0], dtype=np.int64)
-        failed = library.follow_tape(
-            *(ctypes.c_longlong(len(rows)), ctypes.c_longlong(rows.shape[1]), _pointer(rows)),
-            *(ctypes.c_longlong(self.carried), _pointer(sizes), pointers(carried)),
-            *(ctypes.c_longlong(len(self.shown)), _pointer(written), pointers(shown), _pointer(self.outputs)),
-            *(ctypes.c_double(dust), ctypes.c_longlong(len(self.kinds)), _pointer(self.kinds), _pointer(self.counts)),
-            *(_pointer(self.first), _pointer(self.second), _pointer(values), _pointer(results)),
+        along = ctypes.c_longlong(len(rows)), ctypes.c_longlong(rows.shape[1]), _pointer(rows)
+        seen = ctypes.c_longlong(len(self.shown)), _pointer(written), pointers(shown), _pointer(self.outputs)
+        instructions = (
+            *(ctypes.c_longlong(len(self.kinds)), _pointer(self.kinds), _pointer(self.counts)),
+            *(_pointer(self.first), _pointer(self.second), _pointer(self.results), _pointer(values)),
             *(ctypes.c_longlong(self.once), ctypes.c_longlong(int(self.counts[: self.once].sum()))),
         )
+        if not handed:
+            return not library.map_tape(*along, *seen, *instructions)
+        sizes = np.array([*self.inputs[:handed], 0], dtype=np.int64)
+        before = ctypes.c_longlong(handed), _pointer(sizes), pointers(carried)
+        failed = library.follow_tape(*along, *before, *seen, ctypes.c_double(dust), *instructions)
         return not failed
 
 
@@ -235,6 +194,35 @@ def _ordered(
         order += members
         groups += more
     return order, groups, once
+
+
+def _reused(operands: Sequence[tuple[int, int]], order: Sequence[int], outputs: Sequence[int], still: int) -> Places:
+    """A cell for each result, which later results take over when it is not needed any more: so all stay in the cache.
+
+    Args:
+        operands: of each instruction in turn; below zero: results, -1 that of the first one in the code.
+        order: place of each instruction in the code.
+        outputs: values that are needed at the end.
+        still: number of leading instructions whose results are needed in every row.
+    """
+    turn_of = {place: turn for turn, place in enumerate(order)}
+    last = np.arange(len(order))
+    for turn, both in enumerate(operands):
+        for each in both:
+            if each < 0:
+                last[turn_of[-1 - each]] = turn
+    last[:still] = len(order)
+    last[[turn_of[-1 - each] for each in outputs if each < 0]] = len(order)
+    ends: dict[int, list[int]] = defaultdict(list)
+    cells, free, used = np.empty(len(order), dtype=np.int32), list[int](), 0
+    for turn in range(len(order)):
+        if not free:
+            free.append(used)
+            used += 1
+        cells[turn] = free.pop()  # before its own operands are freed: none is overwritten while it is read
+        ends[int(last[turn])].append(int(cells[turn]))
+        free += ends.pop(turn, [])
+    return cells
 
 
 def _grouped(
@@ -267,26 +255,6 @@ def _grouped(
         ready[kind] = []
         groups.append((kind, len(order) - begun))
     return order, groups
-
-
-@lru_cache(maxsize=1)
-def _kinds() -> dict[int, str]:
-    """C code of each operation by its number in CasADi."""
-    one = {getattr(ca, f"OP_{name}"): _ONE % (getattr(ca, f"OP_{name}"), code) for name, code in _OF_ONE.items()}
-    two = {getattr(ca, f"OP_{name}"): _TWO % (getattr(ca, f"OP_{name}"), code) for name, code in _OF_TWO.items()}
-    return one | two
-
-
-@lru_cache(maxsize=1)
-def _code() -> MachineCode:
-    return MachineCode("tape", _LOOP % "\n".join(_kinds().values()))
-
-
-def _loop() -> ctypes.CDLL | None:
-    """The compiled loop; the first call on a machine waits for the compiler. None without a compiler."""
-    code = _code()
-    code.wait()
-    return code.library
 
 
 def _pointer(values: NDArray[Any]) -> ctypes.c_void_p:

@@ -52,9 +52,7 @@ def keep(folder: str, content: bytes, ending: str) -> None:
     _swept(place.parent)
     beside = place / f"{os.getpid()}-{threading.get_ident()}"
     with beside.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())  # otherwise a power failure may leave the new name without the content
+        file.write(content)  # after a power failure it may be incomplete, as a reader sees by the hash
     os.replace(beside, place / f"{content_hash(content)}.{ending}")
 
 

@@ -9,6 +9,7 @@ results to the last bit. Instructions are cached for other programs: then the fu
 from __future__ import annotations
 
 import ctypes
+import math
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -80,9 +81,7 @@ class Recursion:
         tape = self._tape = _instructions(lambda: self._function, carried, kept)
         identifier = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, repr(_DUST), tape.identifier))
         self._code = MachineCode("recursion", self._source, identifier=identifier, start=tape is None)
-        self._rows_before_compiling = (
-            0 if tape is None else ROWS_BEFORE_COMPILING * tape.written // max(len(tape.first), 1)
-        )
+        self._rows_before_compiling = _rows_before_compiling(tape)
         self._followed = 0  # rows, without machine code
         self._chunk: Any = None
         # (S,) number of elements of each output that is not carried on
@@ -184,6 +183,13 @@ class Recursion:
             "carried": "".join(f"{size}, " for size in sizes[: self._handed]),
             "shown": "".join(f"{size}, " for size in sizes[self._handed :]),
         }
+
+
+def _rows_before_compiling(tape: InstructionTape | None) -> float:
+    """Rows after which compiling pays; never for rows that are independent of one another."""
+    if tape is None:
+        return 0
+    return ROWS_BEFORE_COMPILING * tape.written // max(len(tape.first), 1) if tape.carried else math.inf
 
 
 def _instructions(function: Callable[[], Any], carried: int, folder: str | None) -> InstructionTape | None:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from plant import ServoModel, built_once, instruction_tape, kept_files, machine_code, symbolic
+from plant import ServoModel, built_once, kept_files, machine_code, symbolic, tape_loops
 from plant.discrete import Structure
 from plant.effects import CoulombFriction
 from plant.effects.effect import Array
@@ -24,7 +24,7 @@ PAPER = ServoModel.paper()
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    instruction_tape._loop()  # for all tests of this process, which would else stay without one
+    tape_loops.loops()  # for all tests of this process, which would else stay without one
     monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path)
 
 

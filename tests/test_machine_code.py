@@ -18,14 +18,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from identification import predictor
-from plant import ServoModel, instruction_tape, kept_files, machine_code
+from identification import observer_steps
+from plant import ServoModel, kept_files, machine_code, tape_loops
 from plant.discrete import Structure
 from plant.effects import Compliance, StribeckFriction
 from plant.effects.effect import Array
 from plant.instruction_tape import InstructionTape
 from plant.recursion import CHUNK, Recursion
 from plant.symbolic import one_at_a_time
+from plant.tape_loops import LANES
 
 with_compiler = pytest.mark.skipif(machine_code.compiler() is None, reason="no C compiler here")
 ROWS = 2 * CHUNK + 7
@@ -33,7 +34,7 @@ ROWS = 2 * CHUNK + 7
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    instruction_tape._loop()  # for all tests of this process, which would else stay without one
+    tape_loops.loops()  # for all tests of this process, which would else stay without one
     monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path / "cache")
 
 
@@ -94,19 +95,27 @@ def test_all_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mon
         constant,
     )
     begin = (np.resize([0.1, -0.3], len(model.states)), np.eye(6, len(model.states)))
+    structure, free = Structure(model), (0, 1, 2, 3)
+    builders = {
+        "_states": partial(inspect.unwrap(observer_steps._states), structure, substeps, True, "angle"),
+        "_derivatives": partial(inspect.unwrap(observer_steps._derivatives), structure, free, substeps, True, "angle"),
+        "_sensitivities": partial(inspect.unwrap(observer_steps._sensitivities), len(model.states), 4, 2),
+    }
+    fixed = {"free": free, "substeps": substeps, "positioned": True, "response": "angle", "initials": 2}
     forms = []
     for form in ("virtual machine", "instructions", "machine code"):
+        steps = {name: Recursion(build, carried=int(name != "_derivatives")) for name, build in builders.items()}
         with monkeypatch.context() as patch:
             if form == "virtual machine":
                 patch.setattr(InstructionTape, "follow", lambda *_: False)
-            build = inspect.unwrap(predictor._prediction)
-            build = partial(build, Structure(model), (0, 1, 2, 3), substeps, True, "angle")
-            follow = Recursion(build, carried=2)
-            if form == "machine code":
-                assert follow.wait()
-            carried, shown = follow(begin, np.column_stack(columns), model.values)
-            assert (follow._code.library is not None) == (form == "machine code")
-            forms.append([*carried, *shown])
+            for name, step in steps.items():
+                patch.setattr(observer_steps, name, lambda *_, step=step: step)
+                assert form != "machine code" or step.wait()
+            carried, shown = observer_steps.follow(
+                begin, np.column_stack(columns), model.values, structure=structure, **fixed
+            )
+        assert all((step._code.library is not None) == (form == "machine code") for step in steps.values())
+        forms.append([*carried, *shown])
     for first, *others in zip(*forms, strict=True):
         assert np.isfinite(first).all()
         assert all(np.array_equal(first, other) for other in others)
@@ -196,7 +205,8 @@ OPERATIONS = {
 
 
 @with_compiler
-def test_every_operation_is_that_of_the_virtual_machine() -> None:
+@pytest.mark.parametrize("carried", [0, 1], ids=["many rows at once", "row by row"])
+def test_every_operation_is_that_of_the_virtual_machine(carried: int) -> None:
     row, numbers = ca.SX.sym("row", 2), np.random.default_rng(0).normal(size=(ROWS, 2))
     numbers[:6] = [[0.0, -0.0], [-0.0, 0.0], [np.nan, 1.0], [1.0, np.nan], [np.inf, -np.inf], [-1.0, 0.0]]
     x, y = ca.vertsplit(row)
@@ -207,12 +217,35 @@ def test_every_operation_is_that_of_the_virtual_machine() -> None:
     results += [x < y, x <= y, x == y, x != y, ca.logic_and(x, y), ca.logic_or(x, y), ca.logic_not(x)]
     results += [ca.fmin(x, y), ca.fmax(x, y), ca.atan2(x, y), ca.hypot(x, y), ca.fmod(x, y), ca.remainder(x, y)]
     results += [ca.copysign(x, y), ca.if_else(x > 0, y, 2.5), row[1], ca.SX(0.25)]
-    function = ca.Function("every", [row], [ca.densify(ca.vertcat(*results))])
+    seen, kept = ca.densify(ca.vertcat(*results)), ca.SX.sym("kept")
+    function = ca.Function("every", [kept, row][1 - carried :], [kept, seen][1 - carried :])
+    tape = InstructionTape.of(function, carried)
+    assert tape is not None
+    shown, begin = np.empty((ROWS, len(results))), [np.ones(1)][:carried]
+    assert tape.follow(begin, numbers, [], [shown])
+    expected = ca.Function("every", [row], [seen]).map(ROWS)(numbers.T)
+    np.testing.assert_array_equal(shown, np.array(expected).T)
+
+
+@with_compiler
+@pytest.mark.parametrize("rows", [1, LANES - 1, LANES, LANES + 1, 3 * LANES + 5])
+def test_independent_rows_are_executed_together(rows: int) -> None:
+    """Many more results than cells: a cell is taken over only when its value is needed no more."""
+    row, constant = ca.SX.sym("row", 3), ca.SX.sym("constant")
+    values, rng, still = list(ca.vertsplit(row)), np.random.default_rng(3), ca.exp(-(constant**2))
+    values.append(values[0] * ca.sin(constant))  # needed at the begin of each row only
+    for _ in range(200):
+        one, other = (values[-place] for place in rng.integers(1, 4, size=2))
+        values.append(ca.sin(one) * other + still)
+    function = ca.Function("long", [row, constant], [values[-1], ca.vertcat(*values[::20]), row[1], constant + 1])
     tape = InstructionTape.of(function, 0)
     assert tape is not None
-    shown = np.empty((ROWS, len(results)))
-    assert tape.follow([], numbers, [], [shown])
-    np.testing.assert_array_equal(shown, np.array(function.map(ROWS)(numbers.T)).T)
+    assert len(np.unique(tape.results)) < 0.2 * len(tape.results)
+    numbers, shown = rng.normal(size=(rows, 3)), [np.empty((rows, size)) for size in tape.shown]
+    assert tape.follow([], numbers, [np.array([0.7])], shown)
+    expected = function.map(rows)(numbers.T, np.full((1, rows), 0.7))
+    for found, other in zip(shown, expected, strict=True):
+        np.testing.assert_array_equal(found, np.array(other).T)
 
 
 @with_compiler
@@ -278,12 +311,12 @@ def test_without_a_working_compiler_the_function_serves(
     command: tuple[str, ...] | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(machine_code, "compiler", lambda: command)
-    instruction_tape._code.cache_clear()
+    tape_loops._code.cache_clear()
     recursion = example()
     assert not recursion.wait()
     assert is_right(recursion)
-    assert instruction_tape._code().library is None
-    instruction_tape._code.cache_clear()
+    assert tape_loops._code().library is None
+    tape_loops._code.cache_clear()
 
 
 @with_compiler

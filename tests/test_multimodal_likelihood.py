@@ -16,7 +16,8 @@ from identification.errors import Unidentifiable
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.least_squares import Minimum
-from identification.predictor import FADING, Prediction, Predictor
+from identification.observer_steps import FADING
+from identification.predictor import Prediction, Predictor
 from identification.problem import Problem
 from identification.standard_errors import fit_with_errors
 from plant import ServoModel
