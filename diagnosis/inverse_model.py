@@ -62,6 +62,13 @@ def unexplained_torque(fit: Fit) -> str | None:
     return f"The model does not explain the torque: its inverse model has an error of {100.0 * error:.3g} %. {follows}"
 
 
+def explains_less_than_a_regression(fit: Fit) -> bool:
+    """Whether a regression on the motion explains the torque of a log significantly better than a fitted model does."""
+    cutoff = inverse_cutoff(fit.log)
+    error, std = _inverse_error(fit.log, fit.model, cutoff)
+    return error - TorqueRegression.of(fit.log, cutoff).error > SIGNIFICANT * std
+
+
 def _least_inverse_error(fit: Fit, log: Log) -> float:
     """Relative error of the inverse model over a log, in the usual band or that without encoder noise."""
     return min(_inverse_error(log, fit.model, each)[0] for each in (inverse_cutoff(fit.log), _sound_cutoff(fit)))

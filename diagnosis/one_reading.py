@@ -22,6 +22,7 @@ from diagnosis.holdout import measure_gain, remaining
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import identifiability_warnings, standstill
 from diagnosis.inverse_model import (
+    explains_less_than_a_regression,
     inverse_errors,
     torque_follows,
     torque_predicted_worse,
@@ -85,7 +86,7 @@ def diagnose_once(
     found = tenable(null, sets.known.values(), held_out)
     while explore_from(sets, found.fit):
         found = tenable(null, sets.known.values(), held_out)
-    if doubtful is not None and torque_log_likelihood_gain(found.fit) < DECISIVE:
+    if doubtful is not None and not _explains_torque(found.fit):
         raise Unidentifiable(torque_follows(log) or doubtful)
     tell("fitting non-parametric curves")
     found = replace(found, fit=on_its_best_peak(found.fit, found.without))
@@ -163,6 +164,13 @@ def _base_fit(
         follows = torque_follows(log) if log.response != "torque" else None
         raise Unidentifiable(follows or _FAILED + null.failed)
     return null, None if failed is None else _FAILED + failed
+
+
+def _explains_torque(fit: Fit) -> bool:
+    """Whether the torque moves the load of a fitted model, and as much of it as a regression explains."""
+    if torque_log_likelihood_gain(fit) < DECISIVE:
+        return False
+    return fit.log.response == "torque" or not explains_less_than_a_regression(fit)
 
 
 def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
