@@ -55,6 +55,14 @@ def test_a_loop_that_is_followed_without_its_torque_is_diagnosed() -> None:
     assert {cause.effect for cause in found.causes} == {"gravity_offset", "coulomb_friction"}
 
 
+def test_what_other_terms_nearly_cancel_is_not_sure() -> None:
+    """Of 4 N m of a gravity offset 0.1 N m was left beside 10 N m of a dead zone, neither of which there was."""
+    made = drawn(101393)
+    assert not made.facts()["truth"]
+    found = diagnose(made.log, candidates=["gravity_offset", "torque_offset"])
+    assert not [cause.effect for cause in found.causes if cause.probability > 0.9]
+
+
 def test_what_leaves_most_of_the_error_is_not_the_answer() -> None:
     """A ripple is there and sure, but a stop acts too, which is not asked for: an observer follows its torque."""
     found = diagnose(drawn(100493).log, candidates=["cogging", "torque_offset"])

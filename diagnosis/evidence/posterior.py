@@ -16,9 +16,9 @@ An effect that is significant, but smaller than the unexplained part, may be a p
     r^2 / (1 + r^2)
 
 of its probability. Here r is its change of the innovations, divided by that of the discrepancy and the non-parametric
-effects, or by a hundredth of the largest other effect (the error of that one's law), whichever is larger. The rest goes
-to the same set without it. An effect with a simpler special case is tested a second time: what it adds to the special
-case has to exceed a hundredth of the effect itself.
+effects, or by a hundredth of the largest other effect or of the largest term that cancels with it (the error of that
+one's law), whichever is larger. The rest goes to the same set without it. An effect with a simpler special case is
+tested a second time: what it adds to the special case has to exceed a hundredth of the effect itself.
 
 The same rule holds for a set with a non-parametric effect, compared with the most probable set of catalogue effects
 alone: what it explains beyond that set has to exceed a hundredth of the largest effect there.
