@@ -17,6 +17,7 @@ from diagnosis.evidence.proposals import Proposal
 from diagnosis.linear import response
 from diagnosis.nuisance import Nuisance
 from diagnosis.score_test import Screen
+from identification.threads import in_threads
 from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
 
@@ -40,11 +41,11 @@ def promising(screen: Screen, kinds: Iterable[type[Nonparametric]]) -> list[tupl
         screen: of a fit, beyond its parameters alone.
         kinds: candidates.
     """
-    fit, found = screen.fit, list[tuple[float, Nonparametric]]()
-    for kind in kinds:
-        if kind.beside(fit.model) and fit.log.shows(kind):
-            found.extend(sorted(_by_shape(screen, kind), key=lambda pair: -pair[0])[:1])
-    return sorted((pair for pair in found if pair[0] > 0.0), key=lambda pair: -pair[0])
+    fit = screen.fit
+    shown = [kind for kind in kinds if kind.beside(fit.model) and fit.log.shows(kind)]
+    shapes = in_threads(lambda kind: list(_by_shape(screen, kind)), shown)
+    best = [max(some, key=lambda pair: pair[0]) for some in shapes if some]
+    return sorted((pair for pair in best if pair[0] > 0.0), key=lambda pair: -pair[0])
 
 
 def _by_shape(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float, Nonparametric]]:
