@@ -33,13 +33,13 @@ class MotorEncoders:
         ratios: turns of each motor for one of the load.
         resolution: step [rad], at the shaft.
         noise: standard deviation besides the steps [rad], at the load.
-        wander: rate of the random walk of the offsets [rad/sqrt(s)].
+        offset_rate: of the random walk of the offsets [rad/sqrt(s)].
     """
 
     ratios: tuple[float, float]
     resolution: float
     noise: float
-    wander: float = 1e-5
+    offset_rate: float = 1e-5
 
     @classmethod
     def of(cls, gears: DriveTrain, resolution: float | None, noise: float) -> Self | None:
@@ -52,7 +52,7 @@ class MotorEncoders:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for name in ("resolution", "noise", "wander"):
+        for name in ("resolution", "noise", "offset_rate"):
             value = getattr(self, name)
             if not np.isfinite(value) or value < 0:
                 raise BadParameter(f"{name} of the motors' encoders must be finite and not negative, not {value!r}.")
@@ -62,7 +62,7 @@ class MotorEncoders:
     @property
     def levels(self) -> list[float]:
         """Variance of each at the load [rad^2], rate of the random walk, and the ratios."""
-        return [*((self.resolution / r) ** 2 / 12 + self.noise**2 for r in self.ratios), self.wander, *self.ratios]
+        return [*((self.resolution / r) ** 2 / 12 + self.noise**2 for r in self.ratios), self.offset_rate, *self.ratios]
 
 
 @dataclass(eq=False, kw_only=True)

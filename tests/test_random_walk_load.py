@@ -1,4 +1,4 @@
-"""A load that wanders at random is noise and not a cause, and does not hide one."""
+"""A random-walk disturbance torque is noise and not a cause, and does not hide one."""
 
 import numpy as np
 import pytest

@@ -21,7 +21,7 @@ HOST = Machine(inertia=1.5, effects={})
 
 
 def loop_log(seed: int, **effects: dict[str, float]) -> Log:
-    """A loop that follows a wandering reference."""
+    """A loop that follows a random-walk reference."""
     reference = wandering_reference(seed, duration=20.0)
     return record(HOST.hiding(**effects), Follower(reference=reference), seed=seed, noise=2e-4).log()
 
