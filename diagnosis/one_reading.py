@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.beside_curves import beside_curves
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
@@ -30,8 +31,6 @@ from diagnosis.inverse_model import (
     unexplained_torque,
 )
 from diagnosis.levels import CLEARLY, DECISIVE, LIKELY, SURE
-from diagnosis.multimodal_likelihood import on_its_best_peak
-from diagnosis.nonparametric_residual import with_curves
 from diagnosis.refit import estimates
 from diagnosis.rejection import rejected
 from diagnosis.repeated_runs import repeats
@@ -89,10 +88,9 @@ def diagnose_once(
     if doubtful is not None and not _explains_torque(found.fit):
         raise Unidentifiable(torque_follows(log) or doubtful)
     tell("fitting non-parametric curves")
-    found = replace(found, fit=on_its_best_peak(found.fit, found.without))
+    found, final = beside_curves(null, sets.known.values(), found, held_out)
     best, named = found.posterior.best, found.fit
     missing, again = residual_torque(named), repeats(named)
-    final = with_curves(named, null)
     shows = final is not named or (again is not None and again.deterministic)
     if final is not named and predicts_worse(named, final, held_out):
         final = named
