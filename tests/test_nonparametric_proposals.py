@@ -148,7 +148,7 @@ def test_a_name_has_to_exceed_what_has_none() -> None:
 def test_what_took_a_names_place_counts_with_the_discrepancy() -> None:
     names, anything = frozenset({"cogging", "torque_offset", "curve_over_angle"}), SimpleNamespace()
     sizes: Any = Sizes(fit=anything, names=names, bandwidth=0.0, here=anything, discrepancy=3.0)  # type: ignore[arg-type]
-    sizes.__dict__.update(effects={"cogging": 900.0, "torque_offset": 2.0, "curve_over_angle": 4.0}, _changes={})
+    sizes.__dict__["effects"] = {"cogging": 900.0, "torque_offset": 2.0, "curve_over_angle": 4.0}
     assert sizes.unexplained == pytest.approx(5.0)
     assert sizes.to_exceed("cogging") == pytest.approx(5.0)
     assert sizes.to_exceed("torque_offset") == pytest.approx(9.0)  # a hundredth of the largest

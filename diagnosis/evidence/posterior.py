@@ -16,9 +16,10 @@ An effect that is significant, but smaller than the unexplained part, may be a p
     r^2 / (1 + r^2)
 
 of its probability. Here r is its change of the innovations, divided by that of the discrepancy and the non-parametric
-effects, or by a hundredth of the largest other effect or of the largest term that cancels with it (the error of that
-one's law), whichever is larger. The rest goes to the same set without it. An effect with a simpler special case is
-tested a second time: what it adds to the special case has to exceed a hundredth of the effect itself.
+effects, or by a hundredth of the largest other effect (the error of that one's law), whichever is larger. Where other
+terms cancel most of an effect, it also keeps only the probability that what is left is more than a normal error of a
+hundredth of these. The rest goes to the same set without it. An effect with a simpler special case is tested a second
+time: what it adds to the special case has to exceed a hundredth of the effect itself.
 
 The same rule holds for a set with a non-parametric effect, compared with the most probable set of catalogue effects
 alone: what it explains beyond that set has to exceed a hundredth of the largest effect there.
@@ -160,7 +161,8 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
             return
         sizes = {name: explanation.sizes.beyond(name, out) for name in sorted(left)}
         name = min(sizes, key=lambda each: sizes[each])
-        whole = wide = sound * kept_share(sizes[name], explanation.sizes.to_exceed(name))
+        kept_of_it = kept_share(sizes[name], explanation.sizes.to_exceed(name)) * explanation.sizes.is_left(name)
+        whole = wide = sound * kept_of_it
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
             wide = whole * kept_share(more, INEXACT * sizes[name])

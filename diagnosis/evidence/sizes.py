@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import erf
 
 from diagnosis.evidence.discrepancy import Responses
 from diagnosis.evidence.families import Families
@@ -63,13 +64,9 @@ class Sizes:
         return float(np.hypot.reduce([self.discrepancy, *instead]))
 
     def to_exceed(self, name: str) -> float:
-        """Size an effect has to exceed: the unexplained part, and the error of the other laws.
-
-        No law is more exact than to a hundredth. The laws are those of the other effects, and those that cancel most of
-        an effect: of a gravity offset of 4 N m beside 10 N m of a dead zone, 0.1 N m may be left.
-        """
+        """Size an effect has to exceed: the unexplained part, and a hundredth of the largest other effect."""
         others = (size for other, size in self.effects.items() if other != name)
-        return max(self.unexplained, INEXACT * max((self._cancelling(name), *others)))
+        return max(self.unexplained, INEXACT * max(others, default=0.0))
 
     @cached_property
     def effects(self) -> dict[str, float]:
@@ -86,16 +83,21 @@ class Sizes:
         held = basis(self._triangle[:, rows])
         return float(np.linalg.norm(change - held @ (held.T @ change)))
 
-    def _cancelling(self, name: str) -> float:
-        """Norm of the largest change by which the other parameters absorb an effect, or of its own."""
+    def is_left(self, name: str) -> float:
+        """Probability that what other terms leave of an effect is more than the error of their laws [-].
+
+        No law is more exact than to a hundredth, here a standard deviation. Of a gravity offset of 4 N m beside 10 N m
+        of a dead zone, 0.1 N m may be left, which is such an error.
+        """
         if self.here is None or name not in self._changes:
-            return 0.0
+            return 1.0
         owners = [self.fit.model.names[place].split(".")[0] for place in self.fit.free]
         others = self._triangle[:, [row for row, owner in enumerate(owners) if owner != name]]
         change = self._triangle[:, len(owners) + list(self._changes).index(name)]
         scale = np.maximum(np.linalg.norm(others, axis=0), 1e-300)
         absorbing = np.linalg.lstsq(others / scale, change, rcond=_NOTHING)[0]
-        return float(max(np.linalg.norm(change), np.max(np.abs(absorbing), initial=0.0)))
+        largest = max(float(np.linalg.norm(change)), float(np.max(np.abs(absorbing), initial=0.0)))
+        return float(erf(self.effects[name] / max(np.sqrt(2.0) * INEXACT * largest, 1e-300)))
 
     @cached_property
     def beyond_special(self) -> dict[str, tuple[str | None, float]]:
