@@ -135,6 +135,7 @@ def test_a_name_has_to_exceed_what_has_none() -> None:
         beyond_special={},
         unexplained=1.0,
         to_exceed=lambda name: 1.0,
+        is_left=lambda *_: 1.0,
     )
     sound = SimpleNamespace(posterior=SimpleNamespace(at_its_limit=False))
     names = frozenset({"cogging", "torque_offset", "curve_over_angle"})

@@ -90,7 +90,9 @@ def test_confounded_effects_do_not_remove_each_other() -> None:
     def beyond(name: str, without: frozenset[str] = frozenset()) -> float:
         return 5.0 if without else small[name]
 
-    sizes = SimpleNamespace(beyond=beyond, beyond_special={}, unexplained=1.0, to_exceed=lambda name: 1.0)
+    sizes = SimpleNamespace(
+        beyond=beyond, beyond_special={}, unexplained=1.0, to_exceed=lambda name: 1.0, is_left=lambda *_: 1.0
+    )
     sound = SimpleNamespace(posterior=SimpleNamespace(at_its_limit=False))
     explanation: Any = SimpleNamespace(names=frozenset(small), sizes=sizes, discrepancy=sound)
     found = beside_discrepancy(explanation, 1.0)
@@ -212,7 +214,9 @@ def test_what_a_law_may_err_by_goes_to_the_names(more: float, share: float) -> N
 
     def explained_set(name: str, log_likelihood: float, log_marginal: float) -> Any:
         sizes = {"effects": {name: 1.0}, "beyond_special": {}, "unexplained": 0.0}
-        sizes_of_set = SimpleNamespace(**sizes, beyond=lambda name, out: 1.0, to_exceed=lambda name: 0.0)
+        sizes_of_set = SimpleNamespace(
+            **sizes, beyond=lambda name, out: 1.0, to_exceed=lambda name: 0.0, is_left=lambda *_: 1.0
+        )
         by = SimpleNamespace(log_likelihood=log_likelihood, by_block=np.zeros)
         noise = SimpleNamespace(posterior=SimpleNamespace(variance=1e-4, at_its_limit=False))
         names = frozenset({name})

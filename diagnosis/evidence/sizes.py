@@ -83,21 +83,21 @@ class Sizes:
         held = basis(self._triangle[:, rows])
         return float(np.linalg.norm(change - held @ (held.T @ change)))
 
-    def is_left(self, name: str) -> float:
+    def is_left(self, name: str, without: frozenset[str] = frozenset()) -> float:
         """Probability that what other terms leave of an effect is more than the error of their laws [-].
 
         No law is more exact than to a hundredth, here a standard deviation. Of a gravity offset of 4 N m beside 10 N m
-        of a dead zone, 0.1 N m may be left, which is such an error.
+        of a dead zone, 0.1 N m may be left, which is such an error. The effects `without` are removed, as in `beyond`.
         """
         if self.here is None or name not in self._changes:
             return 1.0
         owners = [self.fit.model.names[place].split(".")[0] for place in self.fit.free]
-        others = self._triangle[:, [row for row, owner in enumerate(owners) if owner != name]]
+        others = self._triangle[:, [row for row, owner in enumerate(owners) if owner not in without | {name}]]
         change = self._triangle[:, len(owners) + list(self._changes).index(name)]
         scale = np.maximum(np.linalg.norm(others, axis=0), 1e-300)
         absorbing = np.linalg.lstsq(others / scale, change, rcond=_NOTHING)[0]
         largest = max(float(np.linalg.norm(change)), float(np.max(np.abs(absorbing), initial=0.0)))
-        return float(erf(self.effects[name] / max(np.sqrt(2.0) * INEXACT * largest, 1e-300)))
+        return float(erf(self.beyond(name, without) / max(np.sqrt(2.0) * INEXACT * largest, 1e-300)))
 
     @cached_property
     def beyond_special(self) -> dict[str, tuple[str | None, float]]:
