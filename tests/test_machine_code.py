@@ -233,7 +233,7 @@ def test_independent_rows_are_executed_together(rows: int) -> None:
     """Many more results than cells: a cell is taken over only when its value is needed no more."""
     row, constant = ca.SX.sym("row", 3), ca.SX.sym("constant")
     values, rng, still = list(ca.vertsplit(row)), np.random.default_rng(3), ca.exp(-(constant**2))
-    values.append(values[0] * ca.sin(constant))  # needed at the begin of each row only
+    values.append(values[0] * ca.sin(constant))  # needed only at the beginning of each row
     for _ in range(200):
         one, other = (values[-place] for place in rng.integers(1, 4, size=2))
         values.append(ca.sin(one) * other + still)

@@ -161,8 +161,8 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
             return
         sizes = {name: explanation.sizes.beyond(name, out) for name in sorted(left)}
         name = min(sizes, key=lambda each: sizes[each])
-        kept_of_it = kept_share(sizes[name], explanation.sizes.to_exceed(name)) * explanation.sizes.is_left(name, out)
-        whole = wide = sound * kept_of_it
+        kept_size = kept_share(sizes[name], explanation.sizes.to_exceed(name)) * explanation.sizes.is_left(name, out)
+        whole = wide = sound * kept_size
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
             wide = whole * kept_share(more, INEXACT * sizes[name])
