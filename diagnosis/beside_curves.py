@@ -53,10 +53,11 @@ def beside_curves(
 
 def _needless(named: Fit, final: Fit, base: Fit, places: Collection[Stage]) -> Effect | None:
     """An effect outside the `places` of the curves that gains less beside them than its parameters cost; or None."""
-    for effect in named.model.effects:
-        if base.model.holds(effect.name) or effect.stage in places or isinstance(effect, Nonparametric):
-            continue
-        whole, less = settled(final, base.bandwidth), without(final, effect.name, base.bandwidth)
+    added = [effect for effect in named.model.effects if not base.model.holds(effect.name)]
+    asked = [effect for effect in added if effect.stage not in places and not isinstance(effect, Nonparametric)]
+    whole = settled(final, base.bandwidth) if asked else final
+    for effect in asked:
+        less = without(final, effect.name, base.bandwidth)
         cost = 0.5 * (len(whole.free) - len(less.free)) * float(np.log(final.samples))
         if less.converged and whole.log_likelihood - less.log_likelihood < cost:
             return effect

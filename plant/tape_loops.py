@@ -1,7 +1,7 @@
 """The compiled loops that execute the instructions of any function, row by row or for many rows at once.
 
 They are compiled once for all functions. With results that are carried from row to row, the rows are executed one after
-the other. Without, each instruction is executed for some rows together, which takes a tenth of the time: the processor
+the other. Without, each instruction is executed for some rows together, which takes a fifth of the time: the processor
 computes several at once, and looks up each instruction once for all of them.
 """
 

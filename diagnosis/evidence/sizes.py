@@ -77,10 +77,8 @@ class Sizes:
         """Size of an effect if the effects `without` are removed too; their parameters then absorb nothing of it."""
         if self.here is None or name not in self._changes:
             return np.inf
-        owners = [self.fit.model.names[place].split(".")[0] for place in self.fit.free]
-        rows = [row for row, owner in enumerate(owners) if owner not in without | {name}]
-        change = self._triangle[:, len(owners) + list(self._changes).index(name)]
-        held = basis(self._triangle[:, rows])
+        change, others = self._apart(name, without)
+        held = basis(others)
         return float(np.linalg.norm(change - held @ (held.T @ change)))
 
     def is_left(self, name: str, without: frozenset[str] = frozenset()) -> float:
@@ -91,13 +89,17 @@ class Sizes:
         """
         if self.here is None or name not in self._changes:
             return 1.0
-        owners = [self.fit.model.names[place].split(".")[0] for place in self.fit.free]
-        others = self._triangle[:, [row for row, owner in enumerate(owners) if owner not in without | {name}]]
-        change = self._triangle[:, len(owners) + list(self._changes).index(name)]
+        change, others = self._apart(name, without)
         scale = np.maximum(np.linalg.norm(others, axis=0), 1e-300)
         absorbing = np.linalg.lstsq(others / scale, change, rcond=_NOTHING)[0]
         largest = max(float(np.linalg.norm(change)), float(np.max(np.abs(absorbing), initial=0.0)))
         return float(erf(self.beyond(name, without) / max(np.sqrt(2.0) * INEXACT * largest, 1e-300)))
+
+    def _apart(self, name: str, without: frozenset[str]) -> tuple[Array, Array]:
+        """Change by an effect, and the Jacobian of the parameters that may absorb it, both reduced to F + E rows."""
+        owners = [self.fit.model.names[place].split(".")[0] for place in self.fit.free]
+        rows = [row for row, owner in enumerate(owners) if owner not in without | {name}]
+        return self._triangle[:, len(owners) + list(self._changes).index(name)], self._triangle[:, rows]
 
     @cached_property
     def beyond_special(self) -> dict[str, tuple[str | None, float]]:
