@@ -8,7 +8,7 @@ load. An observer would follow the slow torques, which say most about friction a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +55,12 @@ class InversePredictor(Predictor):
                     initials=0,
                 ),
             )
+
+    def with_sensitivities(
+        self, pieces: Iterable[tuple[int, Prediction]], values: Array, initial: Array, *, bandwidth: float, width: float
+    ) -> Iterator[tuple[int, Prediction]]:
+        """The same pieces with their Jacobian: they are predicted again, as nearly all the work is the Jacobian."""
+        return self.pieces(values, initial, bandwidth=bandwidth, width=width)
 
 
 def motion_rows(run: Run) -> Array:

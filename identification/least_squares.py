@@ -35,6 +35,11 @@ class NormalEquations:
     information: Array
 
     @classmethod
+    def overflowed(cls) -> NormalEquations:
+        """At a point with an infinite cost, or one that is too high."""
+        return cls(cost=np.inf, gradient=np.zeros(0), information=np.zeros((0, 0)))
+
+    @classmethod
     def of(cls, residuals: Array, jacobian: Array) -> NormalEquations:
         """From residuals (T,) and their Jacobian (T, n); a residual that overflowed makes the cost infinite."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -63,7 +68,7 @@ class Minimum:
 
 
 def minimise(
-    evaluate: Callable[[Array], NormalEquations],
+    evaluate: Callable[[Array, float], NormalEquations],
     start: Array,
     lower: Array,
     upper: Array,
@@ -76,7 +81,7 @@ def minimise(
     """Minimise a sum of squares within bounds.
 
     Args:
-        evaluate: linearises the problem at a point (n,).
+        evaluate: linearises the problem at a point (n,); with a cost above a limit, that may be infinite.
         start: (n,) first point, clipped into the bounds.
         lower: (n,) lower bounds.
         upper: (n,) upper bounds.
@@ -86,7 +91,7 @@ def minimise(
         at_start: the problem at `start`, if it is known already.
     """
     point = np.clip(start, lower, upper)
-    here = at_start if at_start is not None else evaluate(point)
+    here = at_start if at_start is not None else evaluate(point, np.inf)
     evaluations, damping, converged = int(at_start is None), 1e-6, here.cost == 0.0
     while evaluations < iterations and np.isfinite(here.cost) and here.cost > 0.0:
         # A positive quantity (a time, a width, an inertia) changes by a factor of five at most, so that an undetermined
@@ -101,7 +106,7 @@ def minimise(
             converged = True
             break
         target = np.clip(point + step, lower, upper)
-        there = evaluate(target)
+        there = evaluate(target, here.cost)
         evaluations += 1
         with np.errstate(over="ignore"):
             kept = (here.cost - there.cost) / promise  # actual over predicted decrease

@@ -12,7 +12,7 @@ sensitivities is a product of small matrices.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -31,45 +31,56 @@ FADING = 0.15
 """Rate at which sensitivities that grow without bound are damped [1/sample]."""
 
 
-def follow(
-    begin: Sequence[Array],
-    rows: Array,
-    values: Array,
-    *,
-    structure: Structure,
-    free: tuple[int, ...] | None,
-    substeps: int,
-    positioned: bool,
-    response: Response,
-    initials: int,
-) -> tuple[list[Array], tuple[Array, Array, Array]]:
-    """Follow a part of a log, sample by sample.
+@dataclass(frozen=True, kw_only=True)
+class ObserverSteps:
+    """The steps along the runs of a log.
 
-    Args:
-        begin: (n,) state and (F + I, n) sensitivities at the first sample.
-        rows: (T, 11) inputs of the steps with measurement and gains, as of `predictor.run_inputs`.
-        values: (P,) parameters.
+    Attributes:
         structure: of the model.
-        free: (F,) places of the parameters of the sensitivities; None without any.
         substeps: integration steps in one sample.
         positioned: whether the servo gain may be other than zero.
         response: measured quantity.
-        initials: I, how many numbers of the initial state have sensitivities.
-
-    Returns:
-        State and sensitivities after the last sample; (T,) errors, (T, F + I) their sensitivities, (T, n) states.
     """
-    state, slopes = begin
-    step = _states(structure, substeps, positioned, response)
-    (state,), (errors, states) = step((state,), rows, values)
-    if free is None:
-        return [state, slopes], (errors[:, 0], np.empty((len(rows), 0)), states)
-    _, derivatives = _derivatives(structure, free, substeps, positioned, response)(
-        (), np.hstack((states, rows)), values
-    )
-    summed = _sensitivities(states.shape[1], len(free), initials)
-    (slopes,), (by_point,) = summed((slopes,), np.hstack(derivatives))
-    return [state, slopes], (errors[:, 0], by_point, states)
+
+    structure: Structure
+    substeps: int
+    positioned: bool
+    response: Response
+
+    def follow(self, state: Array, rows: Array, values: Array) -> tuple[Array, Array, Array]:
+        """Follow a part of a log, sample by sample.
+
+        Args:
+            state: (n,) at the first sample.
+            rows: (T, 11) inputs of the steps with measurement and gains, as of `predictor.run_inputs`.
+            values: (P,) parameters.
+
+        Returns:
+            (n,) state after the last sample, (T,) errors, (T, n) states.
+        """
+        step = _states(self.structure, self.substeps, self.positioned, self.response)
+        (state,), (errors, states) = step((state,), rows, values)
+        return state, errors[:, 0], states
+
+    def sensitivities(
+        self, slopes: Array, states: Array, rows: Array, values: Array, free: tuple[int, ...]
+    ) -> tuple[Array, Array]:
+        """The sensitivities of a part of a log that has been followed.
+
+        Args:
+            slopes: (F + I, n) by the parameters and by I numbers of the initial state, at the first sample.
+            states: (T, n) along the part.
+            rows, values: as in `follow`.
+            free: (F,) places of the parameters.
+
+        Returns:
+            (F + I, n) sensitivities after the last sample, (T, F + I) those of the errors.
+        """
+        derivatives = _derivatives(self.structure, free, self.substeps, self.positioned, self.response)
+        _, found = derivatives((), np.hstack((states, rows)), values)
+        step = _sensitivities(states.shape[1], len(free), len(slopes) - len(free))
+        (last,), (by_point,) = step((slopes,), np.hstack(found))
+        return last.reshape(slopes.shape), by_point
 
 
 @recursion(carried=1)

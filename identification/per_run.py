@@ -70,7 +70,7 @@ class PerRun:
             at = self.places(run)[:count]
             lower[at], upper[at] = self.objective.lower[:count], self.objective.upper[:count]
 
-        def linearise(point: Array) -> NormalEquations:
+        def linearise(point: Array, most: float) -> NormalEquations:
             return normal_equations(enumerate(self.predictions(point, bandwidth)), runs, self.own)
 
         return minimise(linearise, start, lower, upper, samples=self.objective.samples, iterations=iterations)

@@ -13,16 +13,17 @@ only the velocity is measured, the error is that of the velocity, and only the v
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.log import Log, Run
 from identification.noise import Whitening
 from identification.observer_gain import correcting_gain
-from identification.observer_steps import FADING, drivetrain_states, follow, moves_with
+from identification.observer_steps import FADING, ObserverSteps, drivetrain_states, moves_with
 from identification.recording import Response
 from identification.run_parameters import own_slopes, own_values
 from plant.discrete import INPUTS, Structure, integration_steps
@@ -73,7 +74,7 @@ class Prediction:
     Attributes:
         errors: (T,) measured less predicted angle, or velocity where that is measured; zero where masked.
         innovations: (T,) errors whitened with the colour of the measurement noise.
-        jacobian: (T, F + I) their derivative with respect to the free parameters and the initial state.
+        jacobian: (T, F + I) their derivative with respect to the free parameters and the initial state, or (T, 0).
         states: (n, T) predicted states, before the measurement is used.
         output: (T,) predicted angle, or velocity.
         initials: I, how many numbers of the initial state are fitted.
@@ -140,53 +141,63 @@ class Predictor:
         self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
     ) -> Iterator[tuple[int, Prediction]]:
         """`predict` piece by piece, with the index of the run: a pass over a long log with little memory."""
-        own_start = len(self.fitted_starts)
-        step = partial(
-            follow,
-            structure=Structure(self.model),
-            free=self.free if sensitivities else None,
-            substeps=self.substeps,
-            positioned=any(run.positioned for run in self.runs),
-            response=self.runs[0].response,
-            initials=own_start,
-        )
+        followed = self._followed(values, initial, bandwidth=bandwidth, width=width)
+        if not sensitivities:
+            return followed
+        return self.with_sensitivities(followed, values, initial, bandwidth=bandwidth, width=width)
+
+    def with_sensitivities(
+        self, pieces: Iterable[tuple[int, Prediction]], values: Array, initial: Array, *, bandwidth: float, width: float
+    ) -> Iterator[tuple[int, Prediction]]:
+        """The pieces of all runs, predicted without Jacobian, and the Jacobian; arguments as in `predict`."""
+        starts, last = self.fitted_starts, -1
+        for place, piece in pieces:
+            run = self.runs[place]
+            if place != last:
+                first, last, whitened = 0, place, Whitening(self.colour)
+                own = own_slopes(run, self.model, values, self.free)
+                slopes = np.zeros((len(self.free) + len(starts), len(self.model.states)))
+                slopes[-len(starts) :] = initial_moves(self.model)[:, starts].T
+            part = slice(first, first + len(piece.errors))
+            rows, moved = run_inputs(run, self.model, values, bandwidth, width, part)
+            slopes, jacobian = self._steps.sensitivities(slopes, piece.states.T, rows, moved, self.free)
+            if own is not None:
+                jacobian = np.hstack((jacobian[:, : -len(starts)] @ own, jacobian[:, -len(starts) :]))
+            yield place, replace(piece, jacobian=_whitened(whitened, jacobian, ~run.valid[part]))
+            first = part.stop
+
+    def _followed(
+        self, values: Array, initial: Array, *, bandwidth: float, width: float
+    ) -> Iterator[tuple[int, Prediction]]:
         for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
-            carried = self._beginning(run, values, start, sensitivities)
-            whitened = Whitening(self.colour)
-            own = own_slopes(run, self.model, values, self.free) if sensitivities else None
+            state, whitened = self.settled(run, values, start), Whitening(self.colour)
+            state[2 : start.size] += start[2:]
             for first in range(0, len(run), PIECE):
                 part = slice(first, min(first + PIECE, len(run)))
                 rows, moved = run_inputs(run, self.model, values, bandwidth, width, part)
-                carried, (errors, jacobian, states) = step(carried, rows, moved)
-                output = rows[:, len(INPUTS)] - errors
-                if own is not None:
-                    jacobian = np.hstack((jacobian[:, :-own_start] @ own, jacobian[:, -own_start:]))
-                masked = ~run.valid[part]
-                errors[masked], jacobian[masked] = 0.0, 0.0  # not times zero: a simulation that overflows is infinite
-                white = whitened(np.column_stack((errors, jacobian))) if self.colour else None
-                if white is not None:
-                    white[masked] = 0.0
+                state, errors, states = self._steps.follow(state, rows, moved)
+                output, masked = rows[:, len(INPUTS)] - errors, ~run.valid[part]
+                innovations = _whitened(whitened, errors[:, None], masked)[:, 0]
                 yield (
                     place,
                     Prediction(
-                        errors=errors,
-                        innovations=errors if white is None else white[:, 0],
-                        jacobian=jacobian if white is None else white[:, 1:],
+                        errors=np.where(masked, 0.0, errors),
+                        innovations=innovations,
+                        jacobian=np.empty((len(errors), 0)),
                         states=states.T,
                         output=output,
-                        initials=own_start,
+                        initials=len(self.fitted_starts),
                     ),
                 )
 
-    def _beginning(self, run: Run, values: Array, start: Array, sensitivities: bool) -> list[Array]:
-        """State (n,) at the first sample of a run, and its sensitivities (F + I, n); only the last I are not zero."""
-        starts = self.fitted_starts
-        slopes = np.zeros((len(self.free) + len(starts) if sensitivities else 0, len(self.model.states)))
-        if sensitivities:
-            slopes[-len(starts) :] = initial_moves(self.model)[:, starts].T
-        state = self.settled(run, values, start)
-        state[2 : start.size] += start[2:]
-        return [state, slopes]
+    @property
+    def _steps(self) -> ObserverSteps:
+        return ObserverSteps(
+            structure=Structure(self.model),
+            substeps=self.substeps,
+            positioned=any(run.positioned for run in self.runs),
+            response=self.runs[0].response,
+        )
 
     def settled(self, run: Run, values: Array, start: Array) -> Array:
         """(n,) state at the first sample of a run with an angle and a velocity (2,), all else settled."""
@@ -199,6 +210,14 @@ class Predictor:
             command=first[0],
             goal=first_goal(run.command, run.servo_gain),
         )
+
+
+def _whitened(whitened: Whitening, values: Array, masked: NDArray[np.bool_]) -> Array:
+    """(T, M) the next values of a run, whitened; zero where masked."""
+    values[masked] = 0.0  # not times zero: a simulation that overflows is infinite
+    white = whitened(values)
+    white[masked] = 0.0
+    return white
 
 
 def _joined(pieces: Sequence[Prediction]) -> Prediction:

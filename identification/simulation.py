@@ -143,7 +143,7 @@ def _fitted(predictor: Predictor, begun: Array) -> Minimum:
     (start,) = predictor.runs
     places = list(predictor.fitted_starts)
 
-    def linearise(point: Array) -> NormalEquations:
+    def linearise(point: Array, most: float) -> NormalEquations:
         state = begun.copy()
         state[places] = point
         here = predictor.predict(predictor.model.values, state[None, :], bandwidth=0.0, width=0.0)[0]

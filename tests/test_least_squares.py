@@ -105,7 +105,7 @@ def test_the_likelihood_is_the_gaussian_one() -> None:
 # The minimiser.
 
 
-def rosenbrock(point: Array) -> NormalEquations:
+def rosenbrock(point: Array, most: float = np.inf) -> NormalEquations:
     """Two residuals whose valley is bent; the minimum is at (1, 1)."""
     x, y = point
     residuals = np.array([10.0 * (y - x**2), 1.0 - x, 1e-3])
@@ -115,7 +115,7 @@ def rosenbrock(point: Array) -> NormalEquations:
 def test_a_bent_valley_is_followed_downhill() -> None:
     seen: list[NormalEquations] = []
 
-    def evaluate(point: Array) -> NormalEquations:
+    def evaluate(point: Array, most: float = np.inf) -> NormalEquations:
         seen.append(rosenbrock(point))
         return seen[-1]
 
@@ -133,7 +133,8 @@ def test_a_bent_valley_is_followed_downhill() -> None:
 
 
 def test_a_step_that_leads_uphill_is_taken_back() -> None:
-    def evaluate(point: Array) -> NormalEquations:  # undamped Gauss-Newton on an arc tangent runs away from here
+    def evaluate(point: Array, most: float) -> NormalEquations:
+        # undamped Gauss-Newton on an arc tangent runs away from here
         return NormalEquations.of(np.array([np.arctan(point[0]), 1e-3]), np.array([[1 / (1 + point[0] ** 2)], [0.0]]))
 
     found = minimise(evaluate, np.array([3.0]), np.array([-np.inf]), np.array([np.inf]), samples=2, tolerance=1e-9)
@@ -149,7 +150,7 @@ def test_bounds_hold_as_in_another_solver(n: int, seed: int) -> None:
     matrix, target = rng.normal(size=(n + 5, n)), 3.0 * rng.normal(size=n + 5)
     lower, upper = -rng.uniform(0.1, 1, n), rng.uniform(0.1, 1, n)
     found = minimise(
-        lambda x: NormalEquations.of(matrix @ x - target, matrix),
+        lambda x, most: NormalEquations.of(matrix @ x - target, matrix),
         rng.normal(size=n),
         lower,
         upper,
@@ -165,7 +166,7 @@ def test_bounds_hold_as_in_another_solver(n: int, seed: int) -> None:
 def test_a_positive_quantity_changes_by_a_factor_of_five_at_most() -> None:
     seen: list[float] = []
 
-    def evaluate(point: Array) -> NormalEquations:
+    def evaluate(point: Array, most: float = np.inf) -> NormalEquations:
         seen.append(float(point[0]))
         return NormalEquations.of(np.array([point[0] - 1000.0, 1e-3]), np.array([[1.0], [0.0]]))
 
@@ -178,8 +179,22 @@ def test_a_positive_quantity_changes_by_a_factor_of_five_at_most() -> None:
     assert np.min(np.array(seen[1:]) / np.array(seen[:-1])) == pytest.approx(0.2)
 
 
+def test_a_rejected_step_needs_no_derivatives() -> None:
+    seen: list[bool] = []
+
+    def arc(point: Array, most: float) -> NormalEquations:
+        found = NormalEquations.of(np.array([np.arctan(point[0]), 1e-3]), np.array([[1 / (1 + point[0] ** 2)], [0.0]]))
+        seen.append(found.cost < most)
+        return found if seen[-1] else NormalEquations.overflowed()
+
+    found = minimise(arc, np.array([3.0]), np.array([-np.inf]), np.array([np.inf]), samples=2, tolerance=1e-9)
+    assert found.converged
+    assert found.point == pytest.approx([0.0], abs=1e-4)
+    assert 0 < sum(not one for one in seen) < len(seen)
+
+
 def test_a_step_into_overflow_is_taken_back() -> None:
-    def evaluate(point: Array) -> NormalEquations:
+    def evaluate(point: Array, most: float = np.inf) -> NormalEquations:
         # beyond 2 the simulation runs away: its residuals are fine and its derivatives are not
         slope = -1.0 if point[0] < 2.0 else np.inf
         return NormalEquations.of(np.array([4.0 - point[0], 0.1]), np.array([[slope], [0.0]]))
@@ -193,7 +208,7 @@ def test_a_step_into_overflow_is_taken_back() -> None:
 def test_slopes_that_all_but_overflow_are_no_silence() -> None:
     """Of a gap in quick succession of impacts they are: across wide bounds there was a warning instead of a fit."""
 
-    def evaluate(point: Array) -> NormalEquations:
+    def evaluate(point: Array, most: float = np.inf) -> NormalEquations:
         slope = 1e150
         off = slope * (point - 1e-150)
         return NormalEquations(cost=1.0 + float(off @ off), gradient=slope * off, information=np.array([[slope**2]]))

@@ -12,6 +12,7 @@ from machine import Machine, excitation, record
 from identification.fit import fit
 from identification.log import Log
 from identification.noise import colour, colouring
+from identification.observer_steps import ObserverSteps
 from identification.predictor import PIECE, Prediction
 from identification.problem import Problem
 from identification.sums_over_runs import informations, normal_equations
@@ -94,6 +95,17 @@ def test_a_run_in_pieces_is_the_run_in_one(long: Log, monkeypatch: pytest.Monkey
     for name in ("innovations", "jacobian", "states", "output"):
         assert np.array_equal(getattr(joined, name), getattr(whole, name))
     assert not joined.innovations[PIECE - 30 : PIECE + 5].any()
+
+
+def test_a_cost_above_the_limit_ends_the_prediction(long: Log, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = Problem.of(long, ServoModel.paper())
+    point = problem.pack(problem.model.values, np.array([[0.01, -0.02]]))
+    whole = problem.linearise(point, 5.0, 0.0)
+    same = problem.linearise(point, 5.0, 0.0, most=1.01 * whole.cost)
+    assert same.cost == whole.cost
+    assert np.array_equal(same.information, whole.information)
+    monkeypatch.setattr(ObserverSteps, "sensitivities", None)
+    assert problem.linearise(point, 5.0, 0.0, most=0.99 * whole.cost).cost == np.inf
 
 
 def test_equal_runs_share_their_information() -> None:

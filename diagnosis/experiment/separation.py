@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -207,7 +207,7 @@ class _Refit:
         """Log odds after the refit, for a bandwidth."""
         specs = [self.wrong.model.parameters[place] for place in self.wrong.free]
         best = minimise(
-            partial(self._linearised, bandwidth=bandwidth),
+            lambda point, most: self._linearised(point, bandwidth),
             self._origin,
             np.array([*(spec.lower for spec in specs), -np.inf, -np.inf]),
             np.array([*(spec.upper for spec in specs), np.inf, np.inf]),
