@@ -19,7 +19,7 @@ of its probability. Here r is its change of the innovations, divided by that of 
 effects, or by a hundredth of the largest other effect (the error of that one's law), whichever is larger. Where other
 terms cancel most of an effect, it also keeps only the probability that what is left is more than a normal error of a
 hundredth of these. The rest goes to the same set without it. An effect with a simpler special case is tested a second
-time: what it adds to the special case has to exceed a hundredth of the effect itself.
+time: what it adds to the special case has to exceed the same, and a hundredth of the effect itself.
 
 The same rule holds for a set with a non-parametric effect, compared with the most probable set of catalogue effects
 alone: what it explains beyond that set has to exceed a hundredth of the largest effect there.
@@ -165,7 +165,7 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
         whole = wide = sound * kept_size
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
-            wide = whole * kept_share(more, INEXACT * sizes[name])
+            wide = whole * kept_share(more, max(explanation.sizes.to_exceed(name), INEXACT * sizes[name]))
             simple = kept if special is None else kept | {special}  # an excluded special case is not reported
             ask(left - {name}, simple, out, p * (whole - wide))
         ask(left - {name}, kept | {name}, out, p * wide)
