@@ -1,5 +1,6 @@
 """The measure itself: drawn logs are the same for a seed, move as the plant says, and are scored by the rules."""
 
+import importlib
 import math
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ from drawn_machines.motion import play
 from drawn_machines.servo import Machine
 from field_scoring import VARIABLES, score
 from field_table import table
+from sensitivity import CONSTANTS, RULES
 
 DT, N = 0.005, 500
 EFFECTS = {
@@ -147,3 +149,14 @@ def test_probabilities_of_names_for_one_effect_count_together():
 def test_the_table_counts_every_log_once():
     text = table([{**case, "seed": k} for k, (_, case) in enumerate(CASES)])
     assert f"{'all':28}{len(CASES):>6}{7:>9}{2:>9}{4:>9}{4:>9}{1:>9}" in text
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [
+        *((home, constant.rpartition(".")[2]) for constant, (home, _) in CONSTANTS.items()),
+        *((r[0], r[1]) for r in RULES.values()),
+    ],
+)
+def test_what_the_sensitivity_table_changes_is_there(module, name):
+    assert hasattr(importlib.import_module(module), name)
