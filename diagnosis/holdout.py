@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.jackknife import BLOCKS, jackknife
+from diagnosis.jackknife import jackknife
 from diagnosis.measured_motion import measurement_noise
 from diagnosis.result import Findings, Gain, Replay, Unexplained
 from identification.fit_result import Fit
@@ -61,19 +61,6 @@ def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[A
 def bounded(errors: Array) -> Array:
     """Errors (T,) clipped so that their squares and the variance of these are finite after an overflow."""
     return np.asarray(np.nan_to_num(np.clip(errors, -_HUGE, _HUGE), nan=_HUGE))
-
-
-def standard_errors(gained: Array) -> float:
-    """Mean of a record (T,) of gains per sample, divided by its standard error over blocks of the record.
-
-    This is the test of Diebold and Mariano (1995) that compares two predictors.
-    """
-    count = min(BLOCKS, gained.size)
-    if count < 2:
-        return 0.0
-    blocks = np.array([block.mean() for block in np.array_split(gained, count)])
-    scatter = float(blocks.std(ddof=1)) / np.sqrt(count)
-    return float(blocks.mean() / scatter) if scatter > 0.0 else 0.0
 
 
 def rms(errors: Array) -> tuple[float, float]:

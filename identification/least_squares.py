@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from plant.effects.effect import Array
 
-_APART = 0.1  # least difference in log-likelihood of two distinct points
 _RANK_TOLERANCE = 1e-12  # relative singular value below which regressors are collinear
 _ROUNDING = 1e-8  # component of a unit vector that counts as zero
 
@@ -58,13 +57,6 @@ class Minimum:
     equations: NormalEquations
     converged: bool
     evaluations: int
-
-    def is_at(self, point: Array, samples: int) -> bool:
-        """Whether a point (n,) is so near that `samples` residuals do not distinguish the two."""
-        apart, here = self.point - point, self.equations
-        if not np.isfinite(here.cost):  # it overflowed, and so may its information
-            return False
-        return bool(0.5 * samples * (apart @ here.information @ apart) < _APART * here.cost)
 
 
 def minimise(

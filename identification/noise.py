@@ -85,13 +85,6 @@ def colour(values: Array, coefficients: Array) -> Array:
     return np.asarray(lfilter([1.0], np.concatenate(([1.0], -coefficients)), values, axis=0), dtype=float)
 
 
-def coloured_information(jacobian: Array, residuals: Array) -> Array:
-    """(n, n) J'RJ, with R the covariance of the residuals (T,) from their autoregression, J the Jacobian (T, n)."""
-    coefficients, variance = colouring(residuals)
-    coloured = colour(jacobian[::-1], coefficients)  # R = variance C C', C the colouring filter: C' is backwards
-    return np.asarray(variance * (coloured.T @ coloured))
-
-
 def colouring(residuals: Array) -> tuple[Array, float]:
     """Autoregression (p,) of residuals (T,) and the variance of its white input."""
     coefficients = autoregression(residuals)

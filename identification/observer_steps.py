@@ -139,7 +139,7 @@ def _sensitivities(n: int, free: int, initials: int) -> Any:
 
 
 def _row(model: ServoModel) -> Any:
-    return ca.SX.sym("row", len(INPUTS) + 1 + moves_with(model).shape[1])
+    return ca.SX.sym("row", len(INPUTS) + 3)
 
 
 def _error(model: ServoModel, response: Response, state: Any, row: Any, parameters: Any) -> tuple[Any, Any]:
@@ -162,12 +162,8 @@ def _sample_velocity(states: int, parameters: int) -> Any:
 
 
 def moves_with(model: ServoModel) -> Array:
-    """(n, 2) states that an observer corrects together with the angle, and together with the velocity.
-
-    (n, 3) with a random-walk disturbance, whose states are in the third column.
-    """
-    moved = (State.ANGLE, State.VELOCITY, State.RANDOM_WALK)[: 3 if model.has_random_walk else 2]
-    return np.array([[kind is one for one in moved] for kind in model.kinds], dtype=float)
+    """(n, 2) states that an observer corrects together with the angle, and together with the velocity."""
+    return np.array([[kind is one for one in (State.ANGLE, State.VELOCITY)] for kind in model.kinds], dtype=float)
 
 
 def drivetrain_states(model: ServoModel) -> range:

@@ -238,7 +238,7 @@ def run_inputs(
 ) -> tuple[Array, Array]:
     """(k, 11) inputs of the steps of a part of a run, with measurement and gains, and the run's parameters (P,).
 
-    They are (k, 12) with a random-walk disturbance. The whole samples of a dead time are in the inputs; the parameters
+    The whole samples of a dead time are in the inputs; the parameters
     only have the rest, less than a sample.
     """
     values, whole = own_values(run, model, values), 0
@@ -247,17 +247,17 @@ def run_inputs(
         whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)
     if model.lead() is not None:
         whole = _TO_THE_NEXT
-    return _rows(run, part.start, part.stop, whole, bandwidth, width, model.has_random_walk), values
+    return _rows(run, part.start, part.stop, whole, bandwidth, width), values
 
 
 @lru_cache(maxsize=64)
-def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: float, random_walk: bool) -> Array:
+def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: float) -> Array:
     """The inputs of a part of a run with a dead time of whole samples; cached, as each pass of a fit uses them."""
     part = slice(start, stop)
     dt = np.diff(run.time[start : stop + 1])
     if stop == len(run):
         dt = np.append(dt, run.time[-1] - run.time[-2])
-    gains = correcting_gain(run, bandwidth, dt, random_walk=random_walk)
+    gains = correcting_gain(run, bandwidth, dt)
     rows = np.empty((dt.size, len(INPUTS) + 1 + len(gains)))
     command = supporting_points(run.command) if whole == _TO_THE_NEXT else run.command
     columns = (

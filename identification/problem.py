@@ -217,19 +217,6 @@ class Problem(Objective):
                 values[place] = start.model.values[start.model.names.index(name)]
         return self.pack(values, start.initial_of(self.model))
 
-    def output_error(self, start: Fit) -> Fit | None:
-        """The fit of a free simulation that starts from another fit of the same model, None if it is hopeless."""
-        point = self.pack(start.model.values, start.initial)
-        here = Minimum(
-            point=point,
-            equations=self.linearise(point, start.bandwidth, 0.0),
-            converged=start.converged,
-            evaluations=1,
-        )
-        if self.is_hopeless(here, 0.0):
-            return None
-        return fit_with_errors(self, 0.0, self.minimise(point, 0.0, 0.0, iterations=10), 0)
-
     def is_hopeless(self, minimum: Minimum, bandwidth: float) -> bool:
         """Whether the cost of a minimum's point at another bandwidth is too high for any fit there."""
         if not self._plausible(minimum):

@@ -173,7 +173,7 @@ def _own_after(
         mine: tuple[Any, ...] = own[effect.name]
         if effect.flexible:
             mine = tuple(end[2:])
-        elif effect.states in ((State.RELAXED,), (State.RANDOM_WALK,)):
+        elif effect.states == (State.RELAXED,):
             mine = (effect.slide(mine[0], angles[2] - angles[0]),)
         elif _is_sensor(effect):
             shown = effect.advance_sensor(mine[0], *entering, h)

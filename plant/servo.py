@@ -57,7 +57,7 @@ class ServoModel(Tabled):
     torque_unit: str | None = None
 
     _internal: ClassVar[frozenset[str]] = Tabled._internal | {
-        *("bound", "chaotic", "commanded", "delay", "drivetrain", "dry_friction", "has_random_walk", "holds"),
+        *("bound", "chaotic", "commanded", "delay", "drivetrain", "dry_friction", "holds"),
         *("kinds", "lead", "load_inertia", "longest_step", "own_states", "parameters_with", "quantities", "reading"),
         *("slides", "smooth_acceleration", "states", "structure", "without_clock"),
     }
@@ -236,11 +236,6 @@ class ServoModel(Tabled):
             own[effect.name] = tuple(state[place + i] for i in range(len(effect.states)))
             place += len(effect.states)
         return own
-
-    @property
-    def has_random_walk(self) -> bool:
-        """Whether there is a random-walk disturbance, which only an observer can estimate."""
-        return State.RANDOM_WALK in self.kinds
 
     @property
     def drivetrain(self) -> Effect | None:

@@ -194,7 +194,6 @@ def beginning(
         State.COMMAND: torque if command is None else command,
         State.GOAL: goal,
         State.RELAXED: 0.0,
-        State.RANDOM_WALK: 0.0,
     }
     return np.array([values[kind] for kind in model.kinds], dtype=float)
 

@@ -12,11 +12,18 @@ from scipy.optimize import lsq_linear
 from scipy.stats import norm
 
 from identification.least_squares import NormalEquations, Uncertainty, bounded_least_squares, minimise, uncertainty
-from identification.noise import autoregression, colour, coloured_information, log_likelihood, whiten
+from identification.noise import autoregression, colour, colouring, log_likelihood, whiten
 
 Array = NDArray[np.float64]
 
 UNBOUNDED = np.full(2, np.inf)
+
+
+def coloured_information(jacobian: Array, residuals: Array) -> Array:
+    """(n, n) J'RJ, with R the covariance of the residuals (T,) from their autoregression, J the Jacobian (T, n)."""
+    coefficients, variance = colouring(residuals)
+    coloured = colour(jacobian[::-1], coefficients)  # R = variance C C', C the colouring filter: C' is backwards
+    return np.asarray(variance * (coloured.T @ coloured))
 
 
 def coloured_noise(samples: int = 20_000, pole: float = 0.7, seed: int = 0) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from machine import Machine, excitation, record
 from diagnosis.nuisance import Nuisance
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
-from identification.least_squares import Minimum, NormalEquations
 from identification.predictor import Prediction
 from identification.problem import Problem, first_states
 from plant.recursion import Recursion
@@ -22,16 +19,6 @@ from plant.recursion import Recursion
 def lacking() -> Fit:
     log = record(Machine().hiding(coulomb_friction={"torque": 0.2}), excitation(1, duration=10.0), noise=1e-3).log()
     return fit(log)
-
-
-def test_a_minimum_is_where_the_log_shows_no_difference() -> None:
-    equations = NormalEquations(cost=4.0, gradient=np.zeros(2), information=np.diag([1.0, 1e-9]))
-    here = Minimum(point=np.zeros(2), equations=equations, converged=True, evaluations=1)
-    apart = np.sqrt(0.1 * 4.0 / 50.0)  # a tenth in the log-likelihood of 100 samples
-    assert here.is_at(np.array([0.99 * apart, 5.0]), 100)
-    assert not here.is_at(np.array([1.01 * apart, 0.0]), 100)
-    nowhere = replace(here, equations=replace(equations, cost=np.inf, information=np.full((2, 2), np.inf)))
-    assert not nowhere.is_at(np.zeros(2), 100)
 
 
 def test_of_a_colour_that_does_not_pay_no_fit_is_made(lacking: Fit) -> None:

@@ -8,7 +8,7 @@ import pytest
 from identification import fit
 from identification.errors import MalformedLog
 from identification.log import Log
-from identification.observer_gain import observer_gain, speed_gain
+from identification.observer_gain import speed_gain
 from identification.simulation import free_simulation
 from plant import ServoModel, catalogue
 from plant.effects import CoulombFriction
@@ -97,8 +97,6 @@ def test_the_gain_is_that_of_the_stationary_filter():
         variance *= 1.0 - gain
     assert speed_gain(bandwidth, np.array([dt]))[:, 0] == pytest.approx([0.0, gain])
     assert speed_gain(0.0, np.array([dt]))[:, 0].tolist() == [0.0, 0.0]
-    wandering = speed_gain(bandwidth, np.array([dt]), random_walk=True)
-    assert wandering[1:] == pytest.approx(observer_gain(bandwidth, np.array([dt])))
 
 
 def test_what_needs_the_angle_is_left_out_and_reported():

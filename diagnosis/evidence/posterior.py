@@ -117,11 +117,6 @@ class Posterior:
         """Probability that non-parametric effects of some kinds are in the set."""
         return sum(p for names, p in self.reported.items() if not names.isdisjoint(kinds))
 
-    def over_discrepancy(self, name: str) -> float:
-        """Size of an effect divided by that of the unexplained part, in the set with the highest evidence."""
-        holder = next(each for each in self.sets if name in each.names)
-        return holder.sizes.effects[name] / max(holder.sizes.unexplained, 1e-300)
-
 
 def special_cases(name: str) -> set[str]:
     """An effect and its special cases."""

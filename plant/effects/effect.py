@@ -62,7 +62,6 @@ class State(StrEnum):
     ANGLE = "angle"
     VELOCITY = "velocity"
     RELAXED = "relaxed"  # starts at zero
-    RANDOM_WALK = "random_walk"  # starts at zero, and only an observer changes it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,7 +141,7 @@ class Effect:
     @classmethod
     def on_the_load(cls) -> bool:
         """Whether it acts on a load that moves with the motor; else it is in the actuator, drivetrain or sensor."""
-        rigid = all(kind in (State.RELAXED, State.RANDOM_WALK) for kind in cls.states)
+        rigid = all(kind is State.RELAXED for kind in cls.states)
         return rigid and (cls.stage is Stage.LOAD or cls.dry_friction is not Effect.dry_friction)
 
     @property
