@@ -63,6 +63,14 @@ def test_what_a_cause_can_be(effect: Effect, plausible: bool) -> None:
     assert effect.plausible(covered(-4.0, 5.0)) is plausible
 
 
+def test_a_ripple_has_to_repeat_in_the_log() -> None:
+    """Of the drawn logs with cogging none that covered less than two periods had that name; a sum of others had."""
+    ripple = Cogging(amplitude=0.1, order=5.0, phase=0.3)
+    assert ripple.plausible(covered(0.0, 2.6))
+    assert not ripple.plausible(covered(0.0, 2.4))
+    assert EncoderEccentricity(amplitude=0.001, order=1.0, phase=0.3).plausible(covered(0.0, 2.4))  # a disc is known
+
+
 def test_a_spring_without_visible_oscillation_is_no_spring() -> None:
     """It fits a lag, by its damping over its frequency."""
     log = record(Machine().hiding(actuator_lag={"time_constant": 0.02}), excitation(6, duration=20.0), seed=6).log()

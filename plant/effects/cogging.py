@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from plant.effects.effect import TURN, Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.spectral_lines import as_wave, closer, eight_periods, is_wave, lines_over_angle, waves
+from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_over_angle, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +34,12 @@ class Cogging(Effect):
         return self.amplitude * ca.sin(self.order * at.angle + self.phase)
 
     def plausible(self, log: Covered) -> bool:
-        """Whether it has at least one period per turn, or two periods in the log: a slower wave is a trend.
+        """Whether the log covers two periods: a slower wave is a trend, which many sums of other effects look like.
 
         A wave of one period per turn over the whole travel is gravity with its offset.
         """
         as_gravity = log.turn > 0.0 and abs(self.order - TURN / log.turn) * log.travel < 0.5 * TURN
-        return is_wave(self.order, log.travel, log.turn) and not as_gravity
+        return self.order * log.travel >= 2.0 * TURN and not as_gravity
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

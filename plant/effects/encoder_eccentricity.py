@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Covered, Effect, Expression, Motion, Stage, Trace, parameter
-from plant.effects.spectral_lines import as_wave, closer, is_wave, lines_over_angle, waves
+from plant.effects.effect import TURN, Covered, Effect, Expression, Motion, Stage, Trace, parameter
+from plant.effects.spectral_lines import as_wave, closer, lines_over_angle, waves
 
 _FIRST = (1.0, 2.0)  # orders of an eccentric disc, and of an elliptical one
+_ONCE = 0.9  # order from which a line counts as one per turn, given the resolution of a short travel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +42,8 @@ class EncoderEccentricity(Effect):
 
         A disc is not eccentric by half of its radius: the measured speed would deviate by half.
         """
-        return is_wave(self.order, log.travel, log.turn) and self.amplitude * self.order < 0.5
+        wave = self.order * log.turn >= _ONCE * TURN or self.order * log.travel >= 2.0 * TURN
+        return wave and self.amplitude * self.order < 0.5
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

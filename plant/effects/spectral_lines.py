@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from plant.effects.motion import TURN, Array, Motion, Place
+from plant.effects.motion import Array, Motion, Place
 from plant.effects.recurrence import returns_to_its_states
 
 _BY_POWER, _BY_MEASURE = 16, 12  # number of lines tried by power, and by power relative to white noise
@@ -14,7 +14,6 @@ _ROUNDED = 0.2  # weight of the isotropic part in the covariance of sine and cos
 _BETWEEN = (-0.25, -0.125, 0.125, 0.25)  # offsets, in resolvable lines
 _EVEN = 1e-9  # rounding error of a place on an even grid
 _LONGEST = 4000  # highest number of lines in a search
-_ONCE = 0.9  # order from which a line counts as one per turn, given the resolution of a short travel
 _RETURNS = 0.7  # mean phase agreement between visits to a state from which a wave counts as a function of the state
 
 
@@ -40,11 +39,6 @@ def lines_over_time(motion: Motion) -> tuple[list[float], int]:
     return [
         rate for rate in rates if returns_to_its_states(motion, np.exp(1j * rate * motion.time)) <= _RETURNS
     ], searched
-
-
-def is_wave(order: float, travel: float, turn: float) -> bool:
-    """Whether a wave over the angle has at least one period per turn, or two periods in the log; else it is a trend."""
-    return bool(order * turn >= _ONCE * TURN or order * travel >= 2.0 * TURN)
 
 
 def closer(place: Array, rate: float) -> Array:
