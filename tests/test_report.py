@@ -302,7 +302,20 @@ def test_words_state_the_probability(diagnosis):
     cause = replace(diagnosis.causes[0], probability=0.6, alternatives=(("stribeck_friction", 0.39),))
     torn = replace(diagnosis, verdict="ambiguous", causes=(cause,))
     assert headline(torn) == (
+        "The model lacks Coulomb friction; this log does not show whether it is Stribeck friction."
+    )
+    delayed = replace(diagnosis.causes[0], effect="input_delay", alternatives=())
+    assert headline(replace(torn, causes=(delayed, cause))) == (
+        "The model lacks input delay and Coulomb friction; this log does not show whether the Coulomb friction is "
+        "Stribeck friction."
+    )
+    less = replace(cause, alternatives=(("stribeck_friction", 0.2),))
+    assert headline(replace(torn, causes=(less,))) == (
         "The model probably lacks Coulomb friction or Stribeck friction; this log does not show which."
+    )
+    wider = replace(cause, effect="presliding_hysteresis", alternatives=(("coulomb_friction", 0.2), ("cogging", 0.2)))
+    assert headline(replace(torn, causes=(wider,))) == (
+        "The model probably lacks presliding hysteresis, Coulomb friction or cogging; this log does not show which."
     )
     both = replace(torn, causes=(diagnosis.causes[0], replace(cause, effect="cogging")))
     assert headline(both) == (

@@ -61,8 +61,15 @@ def _where(diagnosis: Findings) -> str:
 def _of_causes(diagnosis: Findings) -> str:
     """The effects that the model lacks with certainty or probably."""
     causes = diagnosis.causes
-    named = [title_of(cause.effect) for cause in causes if cause.probability > SURE]
-    uncertain = [cause for cause in causes if cause.probability <= SURE]
+    forms = {cause.effect: _forms(cause) for cause in causes}
+    named = [title_of(forms[c.effect][0] or c.effect) for c in causes if c.probability > SURE or forms[c.effect][0]]
+    whether = "".join(
+        f"; this log does not show whether {'it' if len(named) == 1 else f'the {title_of(kind)}'} is "
+        f"{joined_words([title_of(name) for name in wider], 'or')}"
+        for kind, wider in forms.values()
+        if kind is not None
+    )
+    uncertain = [cause for cause in causes if cause.probability <= SURE and forms[cause.effect][0] is None]
     open_ones = list(dict.fromkeys(title_of(name) for cause in uncertain for name in _likeliest_first(cause)))
     torn = any(_close(cause) for cause in uncertain)
     known = f"The model lacks {joined_words(named)}" if named else ""
@@ -70,10 +77,21 @@ def _of_causes(diagnosis: Findings) -> str:
     which = "; this log does not show which" if torn else f"; the unexplained {acts} is about as large"
     unclear = f"probably lacks {joined_words(open_ones, 'or')}{which}" if open_ones else ""
     if known and unclear:
-        return f"{known}. It also {unclear}."
-    if diagnosis.verdict == "ambiguous" and not unclear:
+        return f"{known}{whether}. It also {unclear}."
+    if diagnosis.verdict == "ambiguous" and not unclear and not whether:
         return f"{known}. It may also lack {_uncertain(diagnosis, acts)}."
-    return f"{known}." if known else f"The model {unclear}."
+    return f"{known}{whether}." if known else f"The model {unclear}."
+
+
+def _forms(cause: Cause) -> tuple[str | None, list[str]]:
+    """The simplest form of a cause and the wider ones, if it is sure that one of them acts; else None and none."""
+    options = _likeliest_first(cause)
+    kinds = set(options).intersection(*map(special_cases, options))
+    together = cause.probability + sum(p for name, p in cause.alternatives if name in options)
+    if cause.probability > SURE or len(options) < 2 or len(kinds) != 1 or together <= SURE:
+        return None, []
+    (kind,) = kinds
+    return kind, [name for name in options if name != kind]
 
 
 def _uncertain(diagnosis: Findings, acts: str) -> str:
