@@ -143,13 +143,14 @@ class Objective:
         The sensitivities take three quarters of the time, so a step that is rejected costs only a quarter.
         """
         values, initial = self.unpack(point)
-        followed: Iterable[tuple[int, Prediction]] | None = self.predictor.pieces(
+        followed: Iterable[tuple[int, Prediction]] = self.predictor.pieces(
             values, initial, bandwidth=bandwidth, width=width, sensitivities=False
         )
-        if followed is not None and np.isfinite(most):
-            followed = _if_below(followed, most / self.loss(point))
-        if followed is None:
-            return NormalEquations.overflowed()
+        if np.isfinite(most):
+            kept = _if_below(followed, most / self.loss(point))
+            if kept is None:
+                return NormalEquations.overflowed()
+            followed = kept
         pieces = self.predictor.with_sensitivities(followed, values, initial, bandwidth=bandwidth, width=width)
         return self.with_prior(normal_equations(pieces, len(self.log.runs)), point)
 
