@@ -201,7 +201,7 @@ class Objective:
 
 
 def _if_below(pieces: Iterable[tuple[int, Prediction]], most: float) -> list[tuple[int, Prediction]] | None:
-    """The pieces, if the sum of their squared innovations is less than `most`; else it is not even completed."""
+    """The pieces, if the sum of their squared innovations is less than `most`; None as soon as it is not."""
     cost, kept = 0.0, list[tuple[int, Prediction]]()
     for run, piece in pieces:
         with np.errstate(over="ignore", invalid="ignore"):

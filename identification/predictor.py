@@ -238,8 +238,7 @@ def run_inputs(
 ) -> tuple[Array, Array]:
     """(k, 11) inputs of the steps of a part of a run, with measurement and gains, and the run's parameters (P,).
 
-    The whole samples of a dead time are in the inputs; the parameters
-    only have the rest, less than a sample.
+    The whole samples of a dead time are in the inputs; the parameters only have the rest, less than a sample.
     """
     values, whole = own_values(run, model, values), 0
     if "input_delay.time" in model.names:

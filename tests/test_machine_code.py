@@ -101,19 +101,19 @@ def test_all_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mon
         "_derivatives": partial(inspect.unwrap(observer_steps._derivatives), structure, free, substeps, True, "angle"),
         "_sensitivities": partial(inspect.unwrap(observer_steps._sensitivities), len(model.states), 4, 2),
     }
-    steps = observer_steps.ObserverSteps(structure=structure, substeps=substeps, positioned=True, response="angle")
+    observer = observer_steps.ObserverSteps(structure=structure, substeps=substeps, positioned=True, response="angle")
     rows, forms = np.column_stack(columns), []
     for form in ("virtual machine", "instructions", "machine code"):
-        built = {name: Recursion(build, carried=int(name != "_derivatives")) for name, build in builders.items()}
+        steps = {name: Recursion(build, carried=int(name != "_derivatives")) for name, build in builders.items()}
         with monkeypatch.context() as patch:
             if form == "virtual machine":
                 patch.setattr(InstructionTape, "follow", lambda *_: False)
-            for name, step in built.items():
+            for name, step in steps.items():
                 patch.setattr(observer_steps, name, lambda *_, step=step: step)
                 assert form != "machine code" or step.wait()
-            followed = steps.follow(begin[0], rows, model.values)
-            slopes = steps.sensitivities(begin[1], followed[2], rows, model.values, free)
-        assert all((step._code.library is not None) == (form == "machine code") for step in built.values())
+            followed = observer.follow(begin[0], rows, model.values)
+            slopes = observer.sensitivities(begin[1], followed[2], rows, model.values, free)
+        assert all((step._code.library is not None) == (form == "machine code") for step in steps.values())
         forms.append([*followed, *slopes])
     for first, *others in zip(*forms, strict=True):
         assert np.isfinite(first).all()
