@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.result_display import Tabled
+from plant.result_display import Drawn
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Allocation(Tabled):
+class Allocation(Drawn):
     """Torques allocated to the drives, with the certificate of optimality.
 
     Attributes:

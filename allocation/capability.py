@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from allocation.allocator import Allocator
 from allocation.least_effort import least_effort
 from plant.errors import BadParameter
-from plant.result_display import Presented
+from plant.result_display import Drawn
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CapabilityMap(Presented):
+class CapabilityMap(Drawn):
     """Preload, margin and copper loss to move a load without loss of contact, over P accelerations and Q load torques.
 
     Attributes:

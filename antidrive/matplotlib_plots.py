@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable
+from importlib.util import find_spec
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 
-from allocation import CapabilityMap
+from allocation import Allocation, CapabilityMap
 from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.model_comparison import Comparison
 from antidrive.prediction import Prediction, quantity
@@ -16,6 +19,7 @@ from diagnosis.experiment import Experiment
 from identification.fit_result import Fit
 from identification.friction_test import FrictionTest
 from identification.log import Log
+from identification.lost_motion import LostMotion
 from identification.simulation import free_simulation
 from mpc.analysis import LoopAnalysis
 from mpc.bode import draw_bode
@@ -29,20 +33,37 @@ from plant.units import axis_quantities
 
 def plot(result: Any, axes: Any = None) -> Any:
     """See `plant.result_display.Drawn.plot`."""
-    try:
-        from matplotlib import pyplot
-    except ImportError:
-        raise BadParameter("A picture needs matplotlib: pip install matplotlib.") from None
-    rows, draw = next((how for kind, how in _PICTURES.items() if isinstance(result, kind)), (0, None))
-    if draw is None:
-        raise BadParameter(f"A {type(result).__name__} has no picture.")
+    rows, draw = _picture_of(result)
     if axes is None:
+        from matplotlib import pyplot
+
         axes = pyplot.subplots(rows, 1, sharex=rows > 1, layout="constrained", squeeze=False)[1][:, 0]
     given = np.atleast_1d(np.asarray(axes, dtype=object))
     if given.size != rows:
         raise BadParameter(f"This picture needs {rows} axes, not {given.size}.")
     draw(result, given)
     return given if rows > 1 else given[0]
+
+
+def png(result: Any) -> str:
+    """The figure as a PNG in base64; no window is opened, and none that is open changes."""
+    rows, draw = _picture_of(result)
+    from matplotlib.figure import Figure
+
+    figure, image = Figure(figsize=(9.0, 1.5 + 2.2 * rows), layout="constrained"), BytesIO()
+    draw(result, figure.subplots(rows, 1, sharex=rows > 1, squeeze=False)[:, 0])
+    figure.savefig(image, format="png", dpi=130)
+    return b64encode(image.getvalue()).decode()
+
+
+def _picture_of(result: Any) -> tuple[int, Callable[[Any, Any], None]]:
+    """Number of axes for the figure of a result, and the function that draws in them."""
+    if find_spec("matplotlib") is None:
+        raise BadParameter("A picture needs matplotlib: pip install matplotlib.")
+    for kind, picture in _PICTURES.items():
+        if isinstance(result, kind):
+            return picture
+    raise BadParameter(f"A {type(result).__name__} has no picture.")
 
 
 def _draw_log(log: Log, axes: Any) -> None:
@@ -157,6 +178,26 @@ def _draw_sweep(found: Sweep, axes: Any) -> None:
     _label(axes[0], x="tracking error [rad rms]", y="minimum contact torque [N m]")
 
 
+def _draw_allocation(found: Allocation, axes: Any) -> None:
+    """The torque of each drive, and the least that keeps its teeth together."""
+    drives = [f"drive {number}" for number in range(1, found.torques.size + 1)]
+    axes[0].bar(drives, found.torques, color=AFTER, width=0.5, label="torque")
+    least, places = np.copysign(found.floor, found.torques), np.arange(len(drives))
+    axes[0].hlines(least, places - 0.35, places + 0.35, color=BEFORE, lw=2.0, label="minimum torque and friction")
+    axes[0].axhline(0.0, color=MEASURED, lw=0.8)
+    axes[0].legend(frameon=False)
+    _label(axes[0], x=f"copper-loss index {found.copper_loss:.4g} N² m²", y="drive torque [N m]")
+
+
+def _draw_lost_motion(found: LostMotion, axes: Any) -> None:
+    """The backlash of each drive and of both, with standard errors."""
+    gaps = {f"drive {number}": drive.gap for number, drive in enumerate(found.drives, start=1)}
+    gaps["together"] = found.total_gap
+    values, errors = [1e3 * each.value for each in gaps.values()], [1e3 * each.std for each in gaps.values()]
+    axes[0].bar([*gaps], values, yerr=errors, color=AFTER, ecolor=BEFORE, width=0.5, capsize=6)
+    _label(axes[0], x="with standard errors", y="backlash [mrad]")
+
+
 def _draw_experiment(found: Experiment, axes: Any) -> None:
     """The command, and what each of the competing models predicts."""
     angle, length, torque, newton = axis_quantities(found.axis)
@@ -185,6 +226,8 @@ _PICTURES: dict[type, tuple[int, Callable[[Any, Any], None]]] = {
     ClosedLoopResult: (4, _draw_loop),
     Trajectory: (3, _draw_trajectory),
     Sweep: (1, _draw_sweep),
+    Allocation: (1, _draw_allocation),
+    LostMotion: (1, _draw_lost_motion),
     LoopAnalysis: (2, draw_bode),
     Experiment: (2, _draw_experiment),
 }

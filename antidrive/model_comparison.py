@@ -16,7 +16,7 @@ from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.simulation import free_simulation
 from plant.model_file import ModelFile, model_of, read_model
-from plant.result_display import Presented
+from plant.result_display import Drawn
 from plant.servo import ServoModel
 from plant.uncertain_number import measured
 from plant.units import printed
@@ -68,7 +68,7 @@ class Change:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Comparison(Presented):
+class Comparison(Drawn):
     """A known model compared with a new log.
 
     Attributes:

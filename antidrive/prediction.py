@@ -19,7 +19,7 @@ from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.file_format import check_format
 from plant.model_file import ModelLike, model_of
-from plant.result_display import Presented
+from plant.result_display import Drawn
 from plant.servo import ServoModel
 from plant.uncertain_number import measured as measured_text
 
@@ -36,7 +36,7 @@ _SETTLING = 4  # time for a sample in a window, with its initial state estimated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Prediction(Presented):
+class Prediction(Drawn):
     """A log simulated in open loop, beside what was measured.
 
     Attributes:

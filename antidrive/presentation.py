@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from functools import singledispatch
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from markupsafe import Markup
 
 from allocation import Allocation, CapabilityMap
 from antidrive.capability import sentences, table
+from antidrive.html_page import page
 from antidrive.matplotlib_plots import plot as plot
+from antidrive.matplotlib_plots import png
 from antidrive.model_comparison import Comparison
 from antidrive.output import PAGES, whole_file
 from antidrive.prediction import Prediction
@@ -30,6 +34,7 @@ from mpc.monte_carlo import MonteCarlo, Sweep
 from mpc.trajectory import Trajectory
 from plant.drive_table import DriveTable
 from plant.errors import BadParameter
+from plant.result_display import Drawn
 from plant.servo import ServoModel
 from plant.units import axis_quantities, printed
 
@@ -241,7 +246,7 @@ def _headline(result: Any) -> str:
 
 
 def report(result: Any, path: Path) -> Path:
-    """See `plant.result_display.Presented.report`."""
+    """See `plant.result_display.Tabled.report`."""
     with whole_file(path, option="report", suffixes=PAGES) as draft:
         draft.write_text(_page(result), encoding="utf-8")
     return path
@@ -249,7 +254,11 @@ def report(result: Any, path: Path) -> Path:
 
 @singledispatch
 def _page(result: Any) -> str:
-    raise BadParameter(f"A {type(result).__name__} has no report.")
+    """The page of a result without one of its own: its first line, its figure and its table."""
+    figure = png(result) if isinstance(result, Drawn) else None
+    sources = result.sources if isinstance(result, Log) else ()
+    title = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(result).__name__).capitalize()
+    return page("result", _made(sources), title, figure=figure, result=Markup(html(result)))
 
 
 def _made(sources: tuple[Source, ...]) -> Provenance:

@@ -8,11 +8,11 @@ from diagnosis.experiment import Experiment
 from diagnosis.explanation import Explanation, explain
 from diagnosis.explanation.summary import headline, sentences
 from diagnosis.result import Findings
-from plant.result_display import Presented
+from plant.result_display import Drawn
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Diagnosis(Presented, Findings):
+class Diagnosis(Drawn, Findings):
     """The result of a diagnosis: which effects the model lacks, and the evidence for them."""
 
     def explain(self, experiment: Experiment | None = None) -> Explanation:

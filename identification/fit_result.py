@@ -16,7 +16,7 @@ from plant.drive_train import DriveTrain
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.model_file import ModelFile
-from plant.result_display import Presented
+from plant.result_display import Drawn
 from plant.servo import ServoModel
 from plant.uncertain_number import measured
 from plant.units import printed
@@ -41,7 +41,7 @@ class FittedParameter:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit(Presented):
+class Fit(Drawn):
     """A fitted model with its uncertainty.
 
     Attributes:
@@ -84,7 +84,7 @@ class Fit(Presented):
     known: PriorKnowledge = field(default_factory=PriorKnowledge)
     held_log_likelihood: float | None = None
 
-    _internal: ClassVar[frozenset[str]] = Presented._internal | {
+    _internal: ClassVar[frozenset[str]] = Drawn._internal | {
         *("evaluations", "free", "held_log_likelihood", "initial", "known", "noise_memory", "runs_off"),
         *("slow_noise", "substeps", "white_covariance"),
     }

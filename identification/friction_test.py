@@ -20,7 +20,7 @@ from identification.log import Log
 from identification.log_like import LogLike, log_of
 from plant.effects import CoulombFriction, Effect, GravityOffset, StribeckFriction, TorqueOffset
 from plant.effects.effect import Array
-from plant.result_display import Presented
+from plant.result_display import Drawn
 from plant.servo import ServoModel
 from plant.uncertain_number import measured
 
@@ -46,7 +46,7 @@ _NOT_FRICTION = ("inertia", "gravity", "gravity_quadrature")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FrictionTest(Presented):
+class FrictionTest(Drawn):
     """Friction over speed.
 
     Attributes:

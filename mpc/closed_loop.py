@@ -12,7 +12,7 @@ from allocation import least_effort
 from mpc.controller import Controller
 from plant.effects.parameter import Axis
 from plant.errors import BadParameter
-from plant.result_display import Presented
+from plant.result_display import Drawn
 from plant.rig import Rig
 from plant.units import axis_quantities
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ClosedLoopResult(Presented):
+class ClosedLoopResult(Drawn):
     """Signals of a closed loop over T samples; on a linear axis positions [m] instead of angles, and forces [N].
 
     Attributes:

@@ -29,7 +29,7 @@ class Listed:
 
 
 class Tabled(Listed):
-    """Base of results with a table, also in a notebook."""
+    """Base of results with a table, in a notebook too, and a report."""
 
     def to_frame(self) -> pd.DataFrame:
         """The result as a table; `attrs` has the units that no column gives."""
@@ -40,25 +40,6 @@ class Tabled(Listed):
         """The result in a notebook: its first line and its table."""
         html: str = importlib.import_module(_DRAWS).html(self)
         return html
-
-
-class Drawn(Tabled):
-    """Base of results with a figure."""
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw the result with matplotlib.
-
-        Args:
-            axes: axes to draw in, as many as the drawing has; new ones by default.
-
-        Returns:
-            The axes: one, or an array of them.
-        """
-        return importlib.import_module(_DRAWS).plot(self, axes)
-
-
-class Presented(Drawn):
-    """Base of results with a figure and a report."""
 
     def report(self, path: Path | str) -> Path:
         """Write the result as one page that opens offline.
@@ -71,3 +52,18 @@ class Presented(Drawn):
         """
         written: Path = importlib.import_module(_DRAWS).report(self, Path(path))
         return written
+
+
+class Drawn(Tabled):
+    """Base of results with a figure too."""
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the result with matplotlib.
+
+        Args:
+            axes: axes to draw in, as many as the drawing has; new ones by default.
+
+        Returns:
+            The axes: one, or an array of them.
+        """
+        return importlib.import_module(_DRAWS).plot(self, axes)

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import re
 import sys
+from base64 import b64decode
 from dataclasses import replace
 from html.parser import HTMLParser
+from io import BytesIO
 
 import matplotlib
+import matplotlib.image
 import numpy as np
 import pandas as pd
 import pytest
@@ -91,6 +94,7 @@ def results(log, fitted, diagnosed) -> dict[str, Tabled]:
 
 NAMES = {"log": 2, "fit": 2, "prediction": 2, "friction test": 1, "comparison": 1, "table": 1, "map": 1, "loop": 4}
 NAMES |= {"trajectory": 3, "sweep": 1, "monte carlo": 1, "loop analysis": 2, "experiment": 2}
+NAMES |= {"allocation": 1, "lost motion": 1}
 
 
 class Text(HTMLParser):
@@ -123,7 +127,7 @@ def test_a_result_is_drawn(name, results):
     matplotlib.pyplot.close("all")
 
 
-@pytest.mark.parametrize("name", [*NAMES, "allocation", "lost motion"])
+@pytest.mark.parametrize("name", NAMES)
 def test_a_result_is_a_table_and_shows_itself_in_a_notebook(name, results):
     frame = results[name].to_frame()
     assert len(frame)
@@ -167,15 +171,44 @@ def test_a_diagnosis_is_drawn_and_written(diagnosed, tmp_path):
     matplotlib.pyplot.close("all")
 
 
-def test_only_what_has_a_report_offers_one(results):
-    assert {name for name, result in results.items() if hasattr(result, "report")} == {
-        "fit",
-        "prediction",
-        "friction test",
-        "comparison",
-        "map",
-        "loop",
-    }
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_every_result_writes_a_page_that_opens_offline(name, results, tmp_path):
+    page = results[name].report(tmp_path / "page.html").read_text(encoding="utf-8")
+    text = Text(page)
+    assert "<h1>" in page
+    assert "script" in text.tags or "img" in text.tags
+    assert not re.search(r'(?:src|href)="(?!data:)', page)
+    assert len(page) < 2_000_000
+
+
+def test_each_drive_is_drawn_above_its_least_torque(results):
+    allocated = results["allocation"]
+    axes = allocated.plot()
+    heights = [bar.get_height() for bar in axes.patches]
+    np.testing.assert_array_equal(heights, allocated.torques)
+    (lines,) = (each for each in axes.collections if each.get_label().startswith("minimum"))
+    least = np.array([line[0, 1] for line in lines.get_segments()])
+    np.testing.assert_array_equal(np.abs(least), allocated.floor)
+    assert (least * allocated.torques > 0.0).all()
+    matplotlib.pyplot.close("all")
+
+
+def test_a_page_of_figure_and_table_has_both(results, tmp_path):
+    page = results["lost motion"].report(tmp_path / "gaps.html").read_text(encoding="utf-8")
+    (image,) = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
+    drawn = matplotlib.image.imread(BytesIO(b64decode(image)))
+    assert drawn[..., :3].min() < 0.5 < drawn[..., :3].max()
+    text = Text(page)
+    assert "table" in text.tags
+    assert {"Lost motion", "gap_1", "total_gap"} <= {line.strip() for line in text.words.splitlines()}
+    assert "Drag across" not in page
+    assert results["log"].report(tmp_path / "log.html").read_text(encoding="utf-8").count("<img") == 1
+
+
+def test_a_model_has_a_page_without_a_figure(tmp_path):
+    page = TRUTH.report(tmp_path / "model.html").read_text(encoding="utf-8")
+    assert "inertia" in Text(page).words
+    assert "<img" not in page
 
 
 def test_a_closed_loop_reports_itself_in_one_line(results):

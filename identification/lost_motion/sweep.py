@@ -27,7 +27,7 @@ from identification.log import Log
 from identification.lost_motion.flank_visits import FlankSamples, flank_samples
 from identification.lost_motion.likelihood import most_likely
 from plant.drive_train import DriveTrain
-from plant.result_display import Tabled
+from plant.result_display import Drawn
 from plant.uncertain_number import measured
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class DriveLostMotion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LostMotion(Tabled):
+class LostMotion(Drawn):
     """Result of sweeps of the preload.
 
     Attributes:
