@@ -255,7 +255,7 @@ def report(result: Any, path: Path) -> Path:
 @singledispatch
 def _page(result: Any) -> str:
     """The page of a result without one of its own: its first line, its figure and its table."""
-    figure = png(result) if isinstance(result, Drawn) else None
+    figure = png(result) if isinstance(result, Drawn) else ""
     sources = result.sources if isinstance(result, Log) else ()
     title = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(result).__name__).capitalize()
     return page("result", _made(sources), title, figure=figure, result=Markup(html(result)))
