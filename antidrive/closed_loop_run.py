@@ -11,6 +11,7 @@ import numpy as np
 from antidrive.scenario import Scenario
 from diagnosis.explanation.wording import measured
 from mpc import ClosedLoopResult
+from plant.result_display import Drawn
 from plant.units import axis_quantities
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ClosedLoopRun:
+class ClosedLoopRun(Drawn):
     """A closed loop, and the loops it is compared with.
 
     Attributes:
@@ -42,6 +43,10 @@ class ClosedLoopRun:
     intact: ClosedLoopResult | None = None
     again: tuple[dict[str, Any], ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """The results in sentences."""
+        return "\n".join(self.sentences())
 
     def table(self) -> pd.DataFrame:
         """The trajectory, one row per sample, SI units."""
@@ -184,7 +189,7 @@ class ClosedLoopRun:
         return rows
 
     def figure(self) -> Any:
-        """Reference and angle, error, pinion torques, flank torques."""
+        """Reference and angle, error, pinion torques, contact torques."""
         limits = (-self.max_torque, -self.min_torque, self.min_torque, self.max_torque)
         return loop_figure(self.result, single=self.single, intact=self.intact, limits=limits)
 
@@ -196,7 +201,7 @@ def loop_figure(
     intact: ClosedLoopResult | None = None,
     limits: tuple[float, ...] = (),
 ) -> Any:
-    """Figure of reference and angle, error, pinion torques with their limits, flank torques; with the other loops."""
+    """Figure of reference and angle, error, pinion torques with their limits, contact torques; with the other loops."""
     from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
     from antidrive.figures import traces_figure
 
@@ -218,7 +223,7 @@ def loop_figure(
             (f"{angle} [{rad}]", angles),
             (f"error [{rad}]", errors),
             ("pinion torque [N m]", torques),
-            (f"flank {torque} [{newton}]", flanks),
+            (f"contact {torque} [{newton}]", flanks),
         ],
         bounds={3: limits, 4: (0.0,)},
     )

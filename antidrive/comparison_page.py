@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from antidrive.chart import BEFORE, MEASURED, Bar, Bars
 from antidrive.html_page import page
-from antidrive.model_comparison import Comparison
+from antidrive.model_comparison import Comparison, significant
 from antidrive.provenance import Provenance
 
 
@@ -21,7 +21,7 @@ def change_bars(found: Comparison) -> Bars:
         for change in shown
         if change.errors is not None
     ]
-    return Bars(bars=bars, full=max([bar.length for bar in bars], default=1.0))
+    return Bars(bars=bars, full=max([significant(found.changes), *(bar.length for bar in bars)]))
 
 
 def changes_page(found: Comparison, provenance: Provenance) -> str:
@@ -36,7 +36,8 @@ def changes_page(found: Comparison, provenance: Provenance) -> str:
         pictures=[
             (
                 change_bars(found),
-                "Change of each parameter, in standard errors of the difference. Coloured: more than chance explains.",
+                "Change of each parameter, in standard errors of the difference. Coloured: significant (above "
+                f"{significant(found.changes):.1f}) and more than 1 % of the parameter.",
             )
         ],
         data={"warnings": log.warnings, "repairs": log.repairs, "notes": log.notes},

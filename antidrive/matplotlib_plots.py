@@ -12,6 +12,8 @@ import numpy as np
 
 from allocation import Allocation, CapabilityMap
 from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
+from antidrive.closed_loop_run import ClosedLoopRun
+from antidrive.experiments.outcome import Outcome
 from antidrive.model_comparison import Comparison
 from antidrive.prediction import Prediction, quantity
 from diagnosis.diagnosis import Diagnosis
@@ -28,6 +30,7 @@ from mpc.monte_carlo import Sweep
 from mpc.trajectory import Trajectory
 from plant.drive_table import DriveTable
 from plant.errors import BadParameter
+from plant.rig_record import RigRecord
 from plant.units import axis_quantities
 
 
@@ -159,6 +162,34 @@ def _draw_loop(found: ClosedLoopResult, axes: Any) -> None:
     _label(axes[3], y=f"contact {torque} [{newton}]", x="time [s]")
 
 
+def _draw_run(found: ClosedLoopRun, axes: Any) -> None:
+    _draw_loop(found.result, axes)
+
+
+def _draw_record(found: RigRecord, axes: Any) -> None:
+    """Angle, motor torques, and contact torques of a run of the test-bench simulation."""
+    axes[0].plot(found.time, found.angle, color=MEASURED, lw=2.5, label="measured")
+    axes[0].plot(found.time, found.true_angle, color=AFTER, lw=1.0, label="true")
+    axes[0].legend(frameon=False)
+    for ax, both in ((axes[1], found.torques), (axes[2], found.least_flank_torques)):
+        for number, (colour, course) in enumerate(zip((SECOND, THIRD), both.T, strict=False), start=1):
+            ax.plot(found.time, course, color=colour, lw=0.8, label=f"drive {number}")
+    axes[1].legend(frameon=False)
+    axes[2].axhline(0.0, color=MEASURED, ls=":", lw=0.8)
+    _label(axes[0], y="angle [rad]")
+    _label(axes[1], y="drive torque [N m]")
+    _label(axes[2], y="contact torque [N m]", x="time [s]")
+
+
+def _draw_outcome(found: Outcome, axes: Any) -> None:
+    """The first figure of an experiment of the paper."""
+    picture = found.pictures[0]
+    for curve in picture.curves:
+        axes[0].plot(curve.x, curve.y, "o" if curve.points else "-", color=curve.colour, ms=4, label=curve.name)
+    axes[0].legend(frameon=False)
+    _label(axes[0], x=picture.x, y=picture.y)
+
+
 def _draw_trajectory(found: Trajectory, axes: Any) -> None:
     """Angle, velocity, and the torques of the drives."""
     axes[0].plot(found.time, found.angle, color=AFTER)
@@ -224,6 +255,9 @@ _PICTURES: dict[type, tuple[int, Callable[[Any, Any], None]]] = {
     DriveTable: (1, _draw_table),
     CapabilityMap: (1, _draw_capability),
     ClosedLoopResult: (4, _draw_loop),
+    ClosedLoopRun: (4, _draw_run),
+    RigRecord: (3, _draw_record),
+    Outcome: (1, _draw_outcome),
     Trajectory: (3, _draw_trajectory),
     Sweep: (1, _draw_sweep),
     Allocation: (1, _draw_allocation),

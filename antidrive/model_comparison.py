@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import ndtri
 
+from diagnosis.explanation.posterior_sentences import unexplained
 from diagnosis.explanation.wording import title_of
 from diagnosis.levels import INEXACT, SURE
 from identification.log import Log
@@ -100,8 +101,10 @@ class Comparison(Drawn):
         moved = [change.name.replace("_", " ").replace(".", ": ") for change in self.changes if change.moved]
         new = [title_of(name) for name in self.new]
         parts = [f"Changed: {', '.join(moved)}"] * bool(moved) + [f"New: {', '.join(new)}"] * bool(new)
-        if not new and self.diagnosis.verdict == "unknown":
-            parts.append("A new model error")
+        if self.possible:
+            parts.append(f"Perhaps missing: {', '.join(title_of(name) for name in self.possible)}")
+        elif not new and self.diagnosis.verdict == "unknown":
+            parts.append("A model error that no effect explains")
         return "; ".join(parts) or "Nothing has changed"
 
     def sentences(self) -> list[str]:
@@ -111,12 +114,14 @@ class Comparison(Drawn):
         causes = {cause.effect: cause for cause in self.diagnosis.causes}
         effects = {name: f"{title_of(name)}, probability {_share(causes[name].probability)}" for name in causes}
         lines += [f"New: {effects[name]}" for name in self.new]
-        lines += [f"Perhaps new: {effects[name]}; this log does not show whether it is" for name in self.possible]
+        before = "the known model lacks it, perhaps from the start"
+        lines += [f"Perhaps new: {effects[name]}; {before}." for name in self.possible]
         if not (self.new or self.possible):
             lines.append(
                 "No effect is new."
                 if self.diagnosis.verdict != "unknown"
-                else "There is a new model error that no effect explains."
+                else "The known model has an error that no effect explains, perhaps from the start: "
+                f"{unexplained(self.diagnosis)}."
             )
         lines += [f"Gone: {title_of(name)}, replaced by a new effect" for name in self.gone]
         lines += [f"Unchanged: {change}" for change in self.changes if not change.moved]
@@ -212,9 +217,14 @@ def _changes(before: ModelFile, found: Diagnosis) -> tuple[Change, ...]:
         for spec, value in zip(before.model.parameters, before.model.values, strict=True)
         if spec.name in now and not now[spec.name].fixed
     ]
-    with_error = [change for change in changes if change.errors is not None]
-    limit = float(-ndtri(0.5 * _CHANCE / max(len(with_error), 1)))  # Bonferroni correction
+    limit = significant(changes)
     return tuple(replace(change, moved=_has_moved(change, limit)) for change in changes)
+
+
+def significant(changes: Sequence[Change]) -> float:
+    """Standard errors above which a change of one of these parameters is no chance (Bonferroni correction)."""
+    with_error = [change for change in changes if change.errors is not None]
+    return float(-ndtri(0.5 * _CHANCE / max(len(with_error), 1)))
 
 
 def _has_moved(change: Change, limit: float) -> bool:

@@ -13,6 +13,8 @@ from markupsafe import Markup
 
 from allocation import Allocation, CapabilityMap
 from antidrive.capability import sentences, table
+from antidrive.closed_loop_run import ClosedLoopRun
+from antidrive.experiments.outcome import Outcome
 from antidrive.html_page import page
 from antidrive.matplotlib_plots import plot as plot
 from antidrive.matplotlib_plots import png
@@ -35,6 +37,7 @@ from mpc.trajectory import Trajectory
 from plant.drive_table import DriveTable
 from plant.errors import BadParameter
 from plant.result_display import Drawn
+from plant.rig_record import RigRecord
 from plant.servo import ServoModel
 from plant.units import axis_quantities, printed
 
@@ -108,6 +111,31 @@ def _(result: ClosedLoopResult) -> Any:
         **{f"flank_torque_{i}": newton for i in drives},
         "disturbance_estimate": newton,
     }
+    return frame
+
+
+@to_frame.register(ClosedLoopRun)
+@to_frame.register(Outcome)
+def _(result: ClosedLoopRun | Outcome) -> Any:
+    """The trajectory, SI units."""
+    return result.table()
+
+
+@to_frame.register
+def _(result: RigRecord) -> Any:
+    """One row per sample, SI units."""
+    import pandas as pd
+
+    alone = {name: getattr(result, name) for name in ("time", "angle", "true_angle", "velocity")}
+    each = {"torque": "torques", "contact_torque": "flank_torques", "least_contact_torque": "least_flank_torques"}
+    drives = {
+        f"{name}_{number}": column
+        for name, attribute in each.items()
+        for number, column in enumerate(getattr(result, attribute).T, start=1)
+    }
+    frame = pd.DataFrame({**alone, **drives})
+    frame.attrs["units"] = {"time": "s", "angle": "rad", "true_angle": "rad", "velocity": "rad/s"}
+    frame.attrs["units"] |= dict.fromkeys(drives, "N m")
     return frame
 
 
@@ -222,7 +250,7 @@ def _(result: Diagnosis) -> Any:
             name,
             estimate.value,
             estimate.std,
-            estimate.unit,
+            printed(estimate.unit),
             ", ".join(other for other, _ in cause.alternatives),
         )
         for cause in result.causes
@@ -242,7 +270,11 @@ def _headline(result: Any) -> str:
         return f"{result.ends[1]}: {result.meaning}"
     if isinstance(result, ServoModel):
         return f"Servo: {', '.join(('rigid body', *(effect.title for effect in result.effects)))}"
-    return repr(result) if isinstance(result, Log | ClosedLoopResult | Prediction) else str(result).splitlines()[0]
+    return (
+        repr(result)
+        if isinstance(result, Log | ClosedLoopResult | Prediction | RigRecord)
+        else str(result).splitlines()[0]
+    )
 
 
 def report(result: Any, path: Path) -> Path:
@@ -314,3 +346,17 @@ def _(result: ClosedLoopResult) -> str:
     from antidrive.report import loop_page
 
     return loop_page(result, Provenance.now(("python",)))
+
+
+@_page.register
+def _(result: ClosedLoopRun) -> str:
+    from antidrive.report import closed_loop_page
+
+    return closed_loop_page(result, _made(()))
+
+
+@_page.register
+def _(result: Outcome) -> str:
+    from antidrive.report import experiment_page
+
+    return experiment_page(result, _made(()))

@@ -32,3 +32,7 @@ __all__ = [
     "torque_follows",
     "unexplained_torque",
 ]
+
+
+def __dir__() -> list[str]:
+    return [*__all__]

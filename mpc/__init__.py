@@ -34,3 +34,7 @@ __all__ = [
     "sweep",
     "time_optimal",
 ]
+
+
+def __dir__() -> list[str]:
+    return [*__all__]

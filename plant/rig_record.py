@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.encoder import Trail
+from plant.result_display import Drawn
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ class RigState:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RigRecord:
+class RigRecord(Drawn):
     """Record of a run: T samples, each state at the start of its sample, torques held during it.
 
     Attributes:
@@ -83,6 +84,11 @@ class RigRecord:
     flank_torques: Array
     least_flank_torques: Array
     end: RigState
+
+    def __repr__(self) -> str:
+        """Length and minimum contact torque in one line."""
+        least = float(np.min(self.least_flank_torques, initial=np.inf))
+        return f"RigRecord({self.time.size} samples, minimum contact torque {least:.4g} N m)"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

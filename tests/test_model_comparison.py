@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
 from front_door import TRUTH, antidrive, columns, listing, write_csv, write_model
 
 import antidrive as ad
+from antidrive.comparison_page import change_bars
 from antidrive.model_comparison import Change
 from plant.effects import Cogging, InputDelay
 from plant.model_file import ModelFile
@@ -88,3 +90,20 @@ def test_a_change_below_a_hundredth_is_none(share: float, moved: list[str]) -> N
     (change,) = (each for each in found.changes if each.name == "viscous_friction")
     assert abs(change.errors or 0.0) > 4.0
     assert [each.name for each in found.changes if each.moved] == moved
+
+
+def test_a_small_change_does_not_fill_the_bar():
+    within = {"unit": "N m", "before": 1.0, "before_std": 0.1, "after_std": 0.1, "moved": False}
+    log = columns(TRUTH, seed=3, duration=DURATION)
+    found = ad.compare(ModelFile(model=TRUTH, std=STD), log, candidates=["cogging"])
+    bars = change_bars(replace(found, changes=(Change(name="gravity", after=1.1, **within),)))
+    assert bars.bars[0].length < 0.3 * bars.full
+
+
+def test_an_error_without_a_cause_is_reported_with_its_size():
+    log = columns(TRUTH, seed=3, duration=DURATION)
+    found = ad.compare(ModelFile(model=TRUTH, std=STD), log, candidates=["cogging"])
+    unknown = replace(found, diagnosis=replace(found.diagnosis, verdict="unknown"), new=(), possible=())
+    assert unknown.headline() == "A model error that no effect explains"
+    (line,) = (line for line in unknown.sentences() if "no effect explains" in line)
+    assert re.search(r"perhaps from the start: .* of the torque in the log\.$", line)

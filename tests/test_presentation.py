@@ -20,7 +20,10 @@ from test_friction_test import PLAIN, SWEEP, driven
 
 import antidrive as ad
 from allocation import Limits, capability_map
+from antidrive.closed_loop_run import ClosedLoopRun
+from antidrive.experiments.outcome import Curve, Outcome, Picture
 from antidrive.model_comparison import Change, Comparison
+from antidrive.scenario import parse_scenario, scenario_text
 from diagnosis import Experiment
 from diagnosis.experiment.signal_families import Signal
 from identification import LostMotion
@@ -57,6 +60,8 @@ def results(log, fitted, diagnosed) -> dict[str, Tabled]:
     runs |= {"degraded": np.array([0, 3]), "copper_loss": np.array([0.01, 0.02])}
     time, measured = np.arange(3) * 0.01, Measured(value=1e-3, std=1e-5)
     drive = DriveLostMotion(gap=measured, stiffness=measured, friction=measured, friction_coefficient=measured)
+    loop = ad.closed_loop(ad.Controller(TRUTH, ad.GearTrain.paper()), ad.Rig.paper_like(), 0.1, 0.5, seed=0)
+    course = Curve(name="measured", colour="#1f77b4", x=time, y=time)
     errors = {"error_before": 0.2, "error_after": 0.1, "unit": "rad"}
     return {
         "log": log,
@@ -88,13 +93,29 @@ def results(log, fitted, diagnosed) -> dict[str, Tabled]:
             predictions=(time, 2.0 * time),
             axis="rotary",
         ),
-        "loop": ad.closed_loop(ad.Controller(TRUTH, ad.GearTrain.paper()), ad.Rig.paper_like(), 0.1, 0.5, seed=0),
+        "test bench": ad.Rig.paper_like().run(np.full((20, 2), [0.1, -0.1]), 0.005, seed=0),
+        "scenario": ClosedLoopRun(
+            title="Tracking",
+            scenario=parse_scenario("tracking", scenario_text("tracking")),
+            result=loop,
+            min_torque=0.02,
+            max_torque=0.3,
+        ),
+        "experiment of the paper": Outcome(
+            title="Figure",
+            results=["It moves."],
+            comparison=(),
+            found={"rms": 0.1},
+            columns={"time": time, "angle": time},
+            pictures=(Picture(caption="Angle.", x="time [s]", y="angle [rad]", curves=(course,)),),
+        ),
+        "loop": loop,
     }
 
 
 NAMES = {"log": 2, "fit": 2, "prediction": 2, "friction test": 1, "comparison": 1, "table": 1, "map": 1, "loop": 4}
 NAMES |= {"trajectory": 3, "sweep": 1, "monte carlo": 1, "loop analysis": 2, "experiment": 2}
-NAMES |= {"allocation": 1, "lost motion": 1}
+NAMES |= {"allocation": 1, "lost motion": 1, "test bench": 3, "scenario": 4, "experiment of the paper": 1}
 
 
 class Text(HTMLParser):

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.result_display import Drawn
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -37,7 +39,7 @@ class Picture:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Outcome:
+class Outcome(Drawn):
     """Report of an experiment.
 
     Attributes:
@@ -55,6 +57,10 @@ class Outcome:
     found: Mapping[str, Any]
     columns: Mapping[str, Array]
     pictures: Sequence[Picture]
+
+    def __str__(self) -> str:
+        """The results in sentences."""
+        return "\n".join(self.results)
 
     def sentences(self) -> list[str]:
         """The results in sentences."""
