@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 
 from machine import Machine, excitation, record  # noqa: E402
-from simulators import in_fmu, in_mujoco, in_urdf  # noqa: E402
+from simulators import in_fmu, in_modelica, in_mujoco, in_state_space, in_urdf  # noqa: E402
 
 from identification import Log, fit  # noqa: E402
 from identification.datasets import load_dataset  # noqa: E402
@@ -68,12 +68,17 @@ def line(name: str, learnt: Log, judged: Log, start: ServoModel, fixed: tuple[st
     grid = run.time[0] + dt * np.arange(int(np.ceil((run.time[-1] - run.time[0]) / dt - 1e-6)) + 1)
     command = run.command[np.searchsorted(run.time, grid + 1e-6, side="right") - 1]
     slope = float(np.gradient(ours[:3], run.time[:3], edge_order=2)[0])
+    speed = np.sqrt(np.mean(np.gradient(run.measured[run.valid], run.time[run.valid]) ** 2))
     begun = {"angle": float(ours[0]), "velocity": slope}
     with tempfile.TemporaryDirectory() as folder:
         outputs = {
             "MuJoCo": in_mujoco(model, command, dt, Path(folder) / "mujoco", **begun),
             "FMU in FMPy": in_fmu(model, command, dt, Path(folder) / "fmu", **begun),
             "URDF in MuJoCo": in_urdf(model, command, dt, **begun),
+            "Modelica, pymoca": in_modelica(model, command, dt, **begun),
+            "linear, control": in_state_space(
+                model, command, dt, around=float(np.mean(run.measured)), width=float(speed), **begun
+            ),
         }
     outputs = {"here": ours, **{tool: np.interp(run.time, grid, output) for tool, output in outputs.items()}}
 
@@ -90,7 +95,8 @@ def line(name: str, learnt: Log, judged: Log, start: ServoModel, fixed: tuple[st
 
 def main() -> None:
     data = Path(sys.argv[1]) if len(sys.argv) > 1 else DATA
-    head = f"Validation logs in other simulators (MuJoCo {version('mujoco')}, FMPy {version('fmpy')})"
+    head = f"Validation logs in other simulators (MuJoCo {version('mujoco')}, FMPy {version('fmpy')}, "
+    head += f"pymoca {version('pymoca')}, python-control {version('control')})"
     lines = [head, *(text for name, case in cases(data).items() for text in line(name, *case))]
     print("\n".join(lines))
     (HERE / "results" / "other_simulators.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -10,7 +10,7 @@ import numpy as np
 
 from plant.discrete import INPUTS, Structure, integration_steps, sample_reading, sample_step
 from plant.effects import State
-from plant.effects.effect import Array
+from plant.effects.effect import Array, Moment
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 from plant.simulation import at_switch, beginning, whole_samples
@@ -19,6 +19,10 @@ from plant.symbolic import one_at_a_time
 _ITERATIONS = 50
 _SLOW = 1e-3
 """Smoothing of dry friction in the search for rest [rad/s]; it selects the torque that needs no stiction."""
+_SHORT = 1e-6
+"""Share of Newton's step from which it is short."""
+_JUMP = 0.01
+"""Largest jump of the velocity where dry friction changes its direction, as a share of the friction."""
 _STARTS = (0.0, *(sign * 10.0**k for k in range(-3, 5) for sign in (1, -1)))
 """Torques to begin with [N m]: a dead zone has zero slope inside, a saturation outside."""
 
@@ -82,15 +86,19 @@ def operating_point(
     """The constant torque [N m] that keeps a velocity at an angle, and the state (n,) with everything settled.
 
     Found by Newton's method on one sample: every state except the load's own is periodic or, if it is an angle, moves
-    with the load. Arguments and errors are those of `linearise`.
+    with the load. Where dry friction changes its direction, the velocity after a sample jumps a little;
+    there the step is halved until it is short. Arguments and errors are those of `linearise`.
     """
     if not (np.isfinite(sample_time) and sample_time > 0.0):
         raise BadParameter(f"sample_time must be finite and above zero, not {sample_time:g}.")
     derivatives = _derivatives(Structure(model), sample_time)
     values = at_switch(model, whole_samples(float(model.delay()), sample_time)[1])
     moving = np.array([velocity * sample_time if kind is State.ANGLE else 0.0 for kind in model.kinds])
+    levels = model.dry_friction(Moment(angle=angle, inertia=model.inertia)) or (0.0, 0.0)
+    friction = max(float(level) for level in levels)
     for torque in _STARTS:
         state = beginning(model, angle=angle, velocity=velocity, torque=torque)
+        least, share = np.inf, 1.0
         for _ in range(_ITERATIONS):
             at = _inputs(torque, sample_time, width if velocity else max(width, _SLOW))
             following, A, B = (np.array(part) for part in derivatives(state, at, values))
@@ -98,10 +106,12 @@ def operating_point(
             slopes = np.column_stack(((A - np.eye(state.size))[1:, 2:], B[1:].sum(axis=1)))
             if not (np.isfinite(off).all() and np.isfinite(slopes).all()):
                 break
-            step = -np.linalg.lstsq(slopes, off, rcond=None)[0]
-            state[2:] += step[:-1]
-            torque += float(step[-1])
-            if np.max(np.abs(off)) < 1e-12 * (1.0 + np.max(np.abs(state))):
+            step, size = -np.linalg.lstsq(slopes, off, rcond=None)[0], float(np.max(np.abs(off)))
+            share, least = (share if size < least else 0.5 * share), min(size, least)
+            state[2:] += share * step[:-1]
+            torque += share * float(step[-1])
+            at_rest = size < 1e-12 * (1.0 + np.max(np.abs(state)))
+            if at_rest or (share < _SHORT and abs(step[-1]) < _JUMP * friction):
                 return torque, state
     raise BadParameter(f"No torque keeps the load at {angle:g} with velocity {velocity:g}.")
 

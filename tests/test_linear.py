@@ -14,6 +14,7 @@ from plant.effects import (
     ActuatorLag,
     CoulombFriction,
     DeadZone,
+    Effect,
     InputDelay,
     QuadraticDrag,
     SensorLag,
@@ -73,6 +74,16 @@ def test_it_is_the_plant_of_the_loop(name: str) -> None:
     found, z = linearise(model, sample_time=DT, angle=0.3), np.exp(1j * np.geomspace(0.5, 600.0, 40) * DT)
     # The controller follows a lag in one step of integration where the simulation takes several.
     np.testing.assert_allclose(found(z), expected(z), rtol=5e-3 if name == "lag" else 1e-5)
+
+
+@pytest.mark.parametrize("slow", [InputDelay(time=0.0125), ActuatorLag(time_constant=0.02)], ids=lambda e: e.name)
+@pytest.mark.parametrize("angle", [-1.0, 0.0, 0.3, 0.9])
+def test_a_load_with_friction_behind_a_slow_drive_rests(slow: Effect, angle: float) -> None:
+    friction = StribeckFriction(coulomb=0.25, excess=0.1, velocity=0.2)
+    model = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8, effects=(slow, friction))
+    torque, _ = operating_point(model, sample_time=0.005, angle=angle)
+    assert torque == pytest.approx(0.5 * np.cos(angle), abs=1e-3)
+    assert np.isfinite(linearise(model, sample_time=0.005, angle=angle, width=0.1).A).all()
 
 
 def test_friction_sticks_at_rest_and_a_dead_zone_passes_nothing() -> None:
