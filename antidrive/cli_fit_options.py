@@ -73,8 +73,8 @@ Inverse = Annotated[
     typer.Option(
         "--inverse/--no-inverse",
         rich_help_panel=PANEL,
-        help="Predict the torque from the motion, as for a robot joint in a tight loop. By default diagnose "
-        "does so only if a model of the motion explains none of the torque.",
+        help="Fit an inverse model, which predicts the torque from the motion: for a robot joint in a tight loop. "
+        "By default only if a model of the motion explains none of the torque.",
     ),
 ]
 

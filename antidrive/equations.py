@@ -9,7 +9,7 @@ import casadi as ca
 from latex2mathml.converter import convert
 from markupsafe import Markup
 
-from diagnosis.explanation.wording import sentence_case
+from diagnosis.explanation.wording import on_axis, sentence_case
 from plant.effects import Effect, Moment
 from plant.effects.parameter import parameters_of
 from plant.servo import ServoModel
@@ -50,7 +50,10 @@ def model_equations(model: ServoModel) -> list[tuple[str, Markup, str]]:
     own = [spec.meaning for spec in parameters_of(ServoModel) if rotary or spec.name != "gravity"]
     parts = [("Rigid body", body, own)]
     parts += [(sentence_case(e.title), e.equation, [spec.meaning for spec in e.parameters()]) for e in model.effects]
-    return [(title, typeset(law), _GREEK.sub(_letter, ", ".join(meanings))) for title, law, meanings in parts]
+    return [
+        (title, typeset(law), _GREEK.sub(_letter, on_axis(", ".join(meanings), model.axis)))
+        for title, law, meanings in parts
+    ]
 
 
 def _letter(name: re.Match[str]) -> str:

@@ -239,9 +239,11 @@ def _reason(reason: Reason) -> dict[str, Any]:
     """Sentences and figures on a reported effect."""
     drawn: list[tuple[Figure, str]] = []
     if reason.cumulative_evidence is not None:
-        drawn.append(
-            (figures.evidence_figure(reason.cumulative_evidence), "Where along the log the evidence comes from.")
+        caption = (
+            "Where along the log the evidence comes from. The log Bayes factor is another number: it also allows for "
+            "an unmodelled torque, for the prior, and for other effects in its place."
         )
+        drawn.append((figures.evidence_figure(reason.cumulative_evidence), caption))
     if reason.residual_over_variable is not None:
         quantity = torque_or_force(reason.residual_over_variable.torque_unit)
         caption = f"Residual {quantity} without and with this effect: measured means with 95 % errors."

@@ -101,7 +101,7 @@ def effect(kind: type[Effect]) -> str:
 
 
 def picture(found: Signature) -> str:
-    """What the model lacks over the variable that tells, and the change of the reading over time."""
+    """What the model lacks over the variable that tells, and the change of the measurement over time."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -117,7 +117,7 @@ def picture(found: Signature) -> str:
         left.plot(found.variables[found.variable][every], found.lacking[every], color="#d1603d", **line)
         left.set(xlabel=flows[found.variable], ylabel=lacking)
         right.plot(found.variables["time"][every], 1e3 * found.change[every], linewidth=0.8, color="#2a7f9e")
-        right.set(xlabel="time [s]", ylabel="change of the reading [mrad]")
+        right.set(xlabel="time [s]", ylabel="change of the measurement [mrad]")
         drawn = io.StringIO()
         figure.savefig(drawn, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
         pyplot.close(figure)

@@ -79,7 +79,7 @@ class Fleet:
             raise BadParameter(f"Rig: the duration must be above zero and finite, not {duration!r} s.")
         command, pushes = pinion * self._torque_map, np.broadcast_to(push, (count,))
         rows = state.rows.copy()
-        rows[:, 2 + 2 * self._drives : 2 + 3 * self._drives] = np.inf  # no least flank torque yet
+        rows[:, 2 + 2 * self._drives : 2 + 3 * self._drives] = np.inf  # no least contact torque yet
         late = self._delay % duration
         if min(late, duration - late) < 1e-9 * duration:
             late = 0.0
@@ -99,7 +99,7 @@ class Fleet:
         return self._flank_torques(state.rows)
 
     def _flank_torques(self, rows: Array) -> Array:
-        """(..., B, m) flank torques of states (..., B, S)."""
+        """(..., B, m) contact torques of states (..., B, S)."""
         m = self._drives
         relative_angle, rate = rows[..., 2 : 2 + m] - rows[..., :1], rows[..., 2 + m : 2 + 2 * m] - rows[..., 1:2]
         pressed = np.maximum(np.abs(relative_angle) - self._half_backlash, 0.0)

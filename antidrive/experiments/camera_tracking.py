@@ -111,8 +111,8 @@ class Tracked:
         peak: (L, K, S) its greatest magnitude [rad].
         copper_loss: (L, K, S) mean of the sum of xi_i^2 [N^2 m^2].
         watts: (L, K, S) mean copper loss [W].
-        least: (L, K, S) minimum flank torque of two drives [N m], follower side; of one drive, zero or less if contact
-            was lost.
+        least: (L, K, S) minimum contact torque of two drives [N m], at the output gear; of one drive, zero or less if
+            contact was lost.
         time: (T,) [s].
         wanted: (T,) first target of the last kind [rad].
         error: (L, T) load less that target [rad].

@@ -64,7 +64,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
             + (
                 "; in faster motions the load coasts over the backlash, and only the error shows it." if faster else "."
             ),
-            f"With the preload planned by flank torque, dwell differs from that without backlash by "
+            f"With the preload planned by contact torque, dwell differs from that without backlash by "
             f"{np.max(np.abs(beyond[:, planned])):.0f} at most, at every backlash and speed; contact was "
             f"{'lost' if parted else 'never lost'}." + (f" A constant preload of {constant}." if constant else ""),
             f"The paper has {PAPER[0]} and {PAPER[1]} samples, but not their sample time, motion and backlash. "

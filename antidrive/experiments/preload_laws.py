@@ -17,7 +17,7 @@ ONE, SIZED, WARM, SHAPED, PLANNED = LAWS = (
     "constant preload",
     "constant preload of equal copper loss",
     "load-dependent preload of equal copper loss",
-    "least effort by flank torque",
+    "least effort by contact torque",
 )
 
 

@@ -115,7 +115,7 @@ class Sizing:
         least: (C, 2) least T_min that kept contact [N m]; infinite if none did.
         noise_torque: (C,) standard deviation of the follower torque caused by the noise through the loop [N m].
         time: (T,) [s].
-        flanks: (T, 2, 2) smaller flank torque of the middle combination with the least noise [N m]; by strategy, and
+        flanks: (T, 2, 2) smaller contact torque of the middle combination with the least noise [N m]; by strategy, and
             with the preload of the formula or the least one.
     """
 
@@ -176,7 +176,7 @@ def _middle(cells: Array) -> int:
 
 
 class _Loop:
-    """B machines under one reversing motion: their flank torques for given preloads."""
+    """B machines under one reversing motion: their contact torques for given preloads."""
 
     def __init__(self, settings: SizingSettings, rigs: list[Rig], bandwidths: Array, shares: Array, seed: int) -> None:
         """Motion, feedforward and gains; shares (B, 2) of the follower torque for each drive."""

@@ -80,7 +80,7 @@ def _torque_figures(found: Sizing) -> Picture:
     return Picture(
         caption="Minimum contact torque; where it is zero, contact is lost.",
         x="time [s]",
-        y="flank torque [N m]",
+        y="contact torque [N m]",
         curves=[
             Curve(name=f"{name}, {how}", colour=COLOURS[2 * s + h], x=found.time, y=found.flanks[:, s, h])
             for s, name in enumerate(STRATEGIES)

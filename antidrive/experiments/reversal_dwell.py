@@ -26,7 +26,7 @@ from plant.rig import Rig
 
 PERIODS, FROM = 2.2, 0.3  # number of periods, and the instant in periods from which dwell counts
 TICKS = 5  # samples of the loop per output sample
-ONE, PLANNED = "one drive", "both, planned by flank torque"
+ONE, PLANNED = "one drive", "both, planned by contact torque"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +93,7 @@ class Dwell:
     Attributes:
         samples: (F, S, G) dwell [samples].
         error: (F, S, G) rms of load angle less reference [rad].
-        least: (F, S, G) minimum flank torque [N m], follower side.
+        least: (F, S, G) minimum contact torque [N m], follower side.
         copper_loss: (F, S, G) mean of the sum of xi_i^2 [N^2 m^2].
         time: (T,) of the slowest motion, in samples [s].
         angle: (T, S, G) measured load angle in it [rad].

@@ -83,8 +83,8 @@ def _missing(diagnosis: Findings) -> tuple[str, ...]:
         needs = "none" if extended.bandwidth == 0.0 else f"one of {observers[1]}"
         then = "" if extended is base else f"; the extended model needs {needs}"
         lines.append(
-            f"To follow the log the base model needs an observer of {observers[0]}{then}. Without model errors or "
-            "disturbances it would need none."
+            f"To follow the log the base model needs an observer of {observers[0]}{then}. A model without errors needs "
+            "none, if there are no disturbances."
         )
     return tuple(lines)
 

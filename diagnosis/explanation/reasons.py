@@ -18,6 +18,7 @@ from diagnosis.explanation.wording import (
     effect_of,
     joined_words,
     measured,
+    on_axis,
     percent,
     rise,
     size,
@@ -102,7 +103,8 @@ def _with_and_without(diagnosis: Findings, effect: str) -> tuple[Fit, Fit]:
 def _over(diagnosis: Findings, cause: Cause, seen: ResidualOverVariable | None) -> str:
     """The expected signature of a cause, and the variable over which the residual torque shows it."""
     kind = effect_of(diagnosis, cause.effect)
-    expected = f"Its signature: {kind.trace}. " if kind is not None else ""
+    axis = diagnosis.base.log.axis
+    expected = f"Its signature: {on_axis(kind.trace, axis)}. " if kind is not None else ""
     if seen is None:
         lacked = torque_or_force(diagnosis.residual_before.unit)
         return f"{expected}The residual {lacked} does not show it over one variable; the one-step predictions do."
@@ -146,7 +148,9 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
         if kind is not None and other is not None:
             known = other.name in kind.confused_with or kind.name in other.confused_with
             look = "; the two are known to be confounded" if known else ""
-            lines.append(f"The signature of {other.title} would be: {other.trace}{look}.")
+            lines.append(
+                f"The signature of {other.title} would be: {on_axis(other.trace, diagnosis.base.log.axis)}{look}."
+            )
     return lines if experiment is None else [*lines, str(experiment)]
 
 

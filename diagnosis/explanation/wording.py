@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from diagnosis.result import Estimate, Findings
 from plant.effects import Effect, catalogue
 from plant.effects.nonparametric import unnamed
+from plant.effects.parameter import Axis
 from plant.uncertain_number import measured as measured
 
 
@@ -57,6 +59,14 @@ def size(parameters: Iterable[tuple[str, Estimate]]) -> str:
 def torque_or_force(unit: str) -> str:
     """The word "torque" or "force" for a unit of the command; "command" for any other unit."""
     return {"N m": "torque", "N": "force"}.get(unit, "command")
+
+
+def on_axis(text: str, axis: Axis) -> str:
+    """A text on a rotary axis in the words of a linear one, if the axis is linear."""
+    words = {"periods per turn": "phase per metre", "angle": "position", "torque": "force"}
+    for rotary, linear in words.items() if axis == "linear" else ():
+        text = re.sub(rf"\b{rotary}\b", linear, text)
+    return text
 
 
 def predicted(diagnosis: Findings) -> str:
