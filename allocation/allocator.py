@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from allocation.allocation import Allocation
+from allocation.general_allocation import CERTIFIED, share, share_in_closed_form
 from allocation.limits import Limits, PerDrive, per_drive
 from allocation.loss import loss, still_preloaded
 from allocation.qp import check_solver
 from allocation.quadratic_program import UNPROVEN, Residuals
 from allocation.rows import Rows
-from allocation.sharing import CERTIFIED, share, share_in_closed_form
 from allocation.structure import Structure
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
@@ -35,7 +35,8 @@ class Allocator:
 
     If not all of these can hold, motor limits have priority over the preload, and the preload over the torque: the
     result is the reachable torque nearest to the demand, with least effort. Two drives have a closed form. For any
-    other structure a quadratic program is solved exactly and its solution is certified (see `allocation.sharing`).
+    other structure a quadratic program is solved exactly and its solution is certified
+    (see `allocation.general_allocation`).
 
     Attributes:
         gears: a drive train, a `Structure`, or its matrix A (n, m) with the directions as the signs of the columns.

@@ -83,9 +83,14 @@ RULES: dict[str, tuple[str, str, Any, str]] = {
     "sizes": ("diagnosis.evidence.posterior", "kept_share", lambda *_: 1.0, "a cause is larger than what has no name"),
     "values": ("diagnosis.falsification", "_impossible", lambda *_: None, "values that rule an effect out"),
     "validation": ("diagnosis.falsification", "_rejection", no_rejection, "validation data that rule an effect out"),
-    "curves": ("diagnosis.beside_curves", "with_curves", lambda fit, base: fit, "what is left carried without a name"),
+    "curves": (
+        "diagnosis.redundant_effects",
+        "with_curves",
+        lambda fit, base: fit,
+        "what is left carried without a name",
+    ),
     "validation only": (
-        "diagnosis.one_reading",
+        "diagnosis.diagnose_once",
         "only_in_validation",
         lambda *_: None,
         "what validation data alone show",

@@ -7,11 +7,11 @@ from contextlib import suppress
 from dataclasses import replace
 
 from diagnosis.candidates import Choice, chosen
+from diagnosis.diagnose_once import diagnose_once
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation.wording import joined_words, title_of
 from diagnosis.inverse_model import unexplained_torque
 from diagnosis.levels import LIKELY, SURE
-from diagnosis.one_reading import diagnose_once
 from diagnosis.validation_only import is_of_parameters, only_in_validation
 from diagnosis.validation_split import fitted_too, parts, split_otherwise
 from identification.errors import Unidentifiable

@@ -18,10 +18,10 @@ from identification.noise import whiten
 from identification.observer_steps import forgetful, moves_with, sample_shown
 from identification.predictor import PIECE, Prediction, run_inputs
 from identification.recording import Response
-from plant.built_once import recursion
 from plant.discrete import INPUTS, Structure
 from plant.effects.effect import Array
 from plant.effects.given_load import GivenLoad
+from plant.recursion_cache import recursion
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 

@@ -12,10 +12,10 @@ from identification.observer_gain import correcting_gain
 from identification.predictor import Prediction
 from identification.problem import Problem
 from identification.run import Run
-from plant.built_once import recursion
 from plant.discrete import Structure
 from plant.effects import Motion
 from plant.effects.effect import POSITIVE, TURN, Array, Axis
+from plant.recursion_cache import recursion
 from plant.servo import ServoModel
 
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from identification.log import Log, Run
 from identification.run_parameters import own_model
-from plant.built_once import recursion
 from plant.discrete import Structure
 from plant.effects import Effect, Moment, State
 from plant.effects.effect import Array
+from plant.recursion_cache import recursion
 from plant.servo import ServoModel
 from plant.simulation import actuator_torque
 

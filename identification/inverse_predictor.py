@@ -18,10 +18,10 @@ import numpy as np
 from identification.log import Run
 from identification.predictor import Prediction, Predictor
 from identification.run_parameters import own_values
-from plant.built_once import recursion
 from plant.discrete import Structure
 from plant.effects import Moment, State
 from plant.effects.effect import Array
+from plant.recursion_cache import recursion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

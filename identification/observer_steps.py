@@ -19,10 +19,10 @@ import casadi as ca
 import numpy as np
 
 from identification.recording import Response
-from plant.built_once import recursion
 from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
+from plant.recursion_cache import recursion
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time

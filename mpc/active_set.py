@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.riccati import TORQUE_ALONE
-from mpc.sweeps import Sweeps
+from mpc.riccati_sweeps import Sweeps
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.corridor import moved, prices
 from mpc.encoder_faults import numbers as watching
 from mpc.friction import friction_numbers
 from mpc.prepared import prepared
-from mpc.split import reach, split
+from mpc.soft_limits import moved, prices
+from mpc.stage_allocation import reach, split
 from mpc.time_optimal_law import governed
 from mpc.tuning import quiet
 
@@ -23,7 +23,7 @@ within 1/w, a t^2/2, is permitted in addition."""
 
 
 def constant_numbers(made: Any, machine: Array) -> dict[str, Array]:
-    """The constants of a `Controller` that has its estimator and governor; `machine`: see `mpc.split.machine`."""
+    """The constants of a `Controller` with its estimator and governor; `machine`: see `mpc.stage_allocation`."""
     P, greatest, wave = made._terminal_weight, made._greatest, 2 * np.pi * made.bandwidth
     noise, share = float(np.sqrt(made.estimator.levels[0])), made.bandwidth * made.sample_time
     others = [wave, made.governor.attainable, made.torque_rate * made.sample_time, _ASTRAY * noise, share]

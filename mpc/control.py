@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.trouble import sentence
+from mpc.status import sentence
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ from mpc.compiled import CompiledStep
 from mpc.constant_numbers import constant_numbers
 from mpc.control import Control
 from mpc.controller_state import Remembering
-from mpc.corridor import SoftLimits
 from mpc.drive import DriveInverse
 from mpc.encoder_faults import watched_of
 from mpc.estimator import Estimator, MotorEncoders
@@ -27,7 +26,8 @@ from mpc.layout import laid_out
 from mpc.prediction import Predictor
 from mpc.quadratic_program import ROUNDS
 from mpc.riccati import ALL_ROWS, TORQUE_ALONE
-from mpc.split import machine
+from mpc.soft_limits import SoftLimits
+from mpc.stage_allocation import machine
 from mpc.stages import Stages
 from mpc.step import InterpretedStep
 from mpc.tuning import Tuning, observer_rate
@@ -68,7 +68,7 @@ class Controller(Remembering):
 
     If the torques cannot follow the reference, a governed reference approaches it in least time (`Governor`), because
     the braking time may be longer than the horizon; it also brakes in time before an angle limit. Within the horizon
-    these limits are soft with an exact penalty (`mpc.corridor.prices`): they hold whenever the torques can make them
+    these limits are soft with an exact penalty (`mpc.soft_limits.prices`): they hold whenever the torques can make them
     hold, and they never violate the torque bounds.
 
     Two effects of an identified model are removed: the clock error of the log (`ServoModel.without_clock`), and

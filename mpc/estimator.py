@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpc.filter import beginning, estimation, kalman_of
 from mpc.kernel import Kernel
 from mpc.prediction import Predictor
-from mpc.trouble import sentence
+from mpc.status import sentence
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from mpc import effort
 from mpc.controller import Controller
+from mpc.status import Trouble, sentence
 from mpc.target_report import ranges, words_of
-from mpc.trouble import Trouble, sentence
 from plant.errors import BadParameter
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.prediction import Predictor
-from mpc.trouble import Trouble
+from mpc.status import Trouble
 from plant.effects import State
 from plant.servo import ServoModel
 

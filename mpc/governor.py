@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.corridor import SOFT
 from mpc.kernel import Kernel, fused
 from mpc.prepared import prepared
 from mpc.slots import Path
+from mpc.soft_limits import SOFT
 from mpc.time_optimal_law import early, governed, hurry, jump
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.sweeps import Sweeps
+from mpc.riccati_sweeps import Sweeps
 
 Array = NDArray[np.float64]
 

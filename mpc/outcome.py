@@ -12,7 +12,7 @@ import numpy as np
 
 from mpc.prepared import prepared
 from mpc.slots import Soft, Tuning
-from mpc.split import split
+from mpc.stage_allocation import split
 
 
 def outcome(

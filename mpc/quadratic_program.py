@@ -5,7 +5,7 @@ from __future__ import annotations
 from mpc.active_set import find_active_set
 from mpc.interior_point import solve_from_inside
 from mpc.riccati import ALL_ROWS, TORQUE_ALONE
-from mpc.sweeps import CERTIFIED, Sweeps
+from mpc.riccati_sweeps import CERTIFIED, Sweeps
 
 ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
 """Greatest number of sweeps of each method; two are usual, 20 if intervals other than the torque's are active."""

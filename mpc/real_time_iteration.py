@@ -12,15 +12,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.corridor import corridor, enter
 from mpc.kernel import fused
 from mpc.prediction import Predictor
 from mpc.prepared import prepared
 from mpc.quadratic_program import QuadraticProgram
 from mpc.riccati import TORQUE_ALONE
+from mpc.riccati_sweeps import CERTIFIED
 from mpc.slots import Kalman, Tuning
-from mpc.split import reach
-from mpc.sweeps import CERTIFIED
+from mpc.soft_limits import corridor, enter
+from mpc.stage_allocation import reach
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ Relative to a prediction of the model the torques change by e[k] and the states 
     subject to  z[k+1] = A[k] z[k] + B[k] [e[k], e[k-1]],    low[k] <= e[k] <= high[k]
 
 If the controller has such limits, three more quantities of a stage have intervals: the change e[k] - e[k-1], and angle
-and velocity of z[k+1]. The intervals of the last two are soft, with a price (`mpc.sweeps`).
+and velocity of z[k+1]. The intervals of the last two are soft, with a price (`mpc.riccati_sweeps`).
 
 The state of a stage is s = (z[k], e[k-1]); the cost to go is the parabola 1/2 s'Vs + v's. A torque is free, or held at
 a bound. The solvers add the cost term 1/2 d q^2 + g q for each constrained quantity q of a stage.

@@ -30,7 +30,7 @@ class Tuning(_Slot):
 
 
 class Soft(_Slot):
-    """Limits of angle and speed, see `mpc.corridor.SoftLimits.numbers`."""
+    """Limits of angle and speed, see `mpc.soft_limits.SoftLimits.numbers`."""
 
     LOWEST = auto()
     HIGHEST = auto()

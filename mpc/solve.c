@@ -1,7 +1,7 @@
 /* The quadratic program of a step (see mpc/riccati.py), solved and certified.
 
    The functions backward, forward and slope above compute one stage each. CasADi generates them from the expressions of
-   the Python form (mpc/sweeps.py); this file has the loops around them. It allocates no memory, and every loop is
+   the Python form (mpc/riccati_sweeps.py); this file has the loops around them. It allocates no memory, and every loop is
    bounded. HORIZON, LATE, PASSES, ROUNDS, TABLE, STEP, CERTIFIED, DIGITS, FIRM, STIFF and CLOSE are defined earlier. */
 
 enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3, ROWS = BARRIER / 2 };

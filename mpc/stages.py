@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
-from mpc.corridor import corridor, enter
 from mpc.encoder_faults import watch
 from mpc.estimator import Estimator
 from mpc.feed_forward import demand, ease
@@ -14,7 +13,8 @@ from mpc.governor import Governor
 from mpc.prepared import prepared
 from mpc.preview import preview
 from mpc.riccati import backward, forward, slope
-from mpc.split import reach, split
+from mpc.soft_limits import corridor, enter
+from mpc.stage_allocation import reach, split
 from mpc.time_optimal_law import early, followable, governed, hurry, jump
 from plant.servo import ServoModel
 

@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.aim import Aim
 from mpc.estimator import Estimator
 from mpc.feed_forward import fed_forward
 from mpc.friction import known_by_now
@@ -19,10 +18,11 @@ from mpc.governor import Governor
 from mpc.kernel import Kernel, along_the_way, fused
 from mpc.outcome import holding, outcome
 from mpc.real_time_iteration import RealTimeIteration
+from mpc.reference import Aim
 from mpc.riccati import TORQUE_ALONE
 from mpc.slots import Fed, History, Kalman, Learnt, Outcome, Path, Rubbing
 from mpc.stages import Stages
-from mpc.trouble import Trouble
+from mpc.status import Trouble
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import casadi as ca
 
-from mpc.corridor import SOFT
 from mpc.slots import Tuning
-from mpc.split import MACHINE, reach
+from mpc.soft_limits import SOFT
+from mpc.stage_allocation import MACHINE, reach
 
 _USED = 0.85
 """Share of the reachable acceleration that the governed reference may use; the rest is left to feedback."""

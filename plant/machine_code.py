@@ -24,7 +24,7 @@ from importlib.util import find_spec
 from multiprocessing.util import Finalize
 from pathlib import Path
 
-from plant import kept_files
+from plant import file_cache
 
 _GROUPS = hasattr(os, "killpg")  # of processes
 _changing = threading.RLock()  # held while a compiler is started, until its end is registered, and while it is ended
@@ -68,7 +68,7 @@ class MachineCode:
         machine = (sys.platform, platform.machine(), processor)  # several machines may share a home folder
         identifier = self._text() if identifier is None else identifier
         self._kept = "-".join(
-            (name, kept_files.content_hash("\n".join((*machine, *self._command, identifier)).encode()))
+            (name, file_cache.content_hash("\n".join((*machine, *self._command, identifier)).encode()))
         )
         if start:
             self.start()
@@ -105,7 +105,7 @@ class MachineCode:
     def _adopt(self) -> bool:
         """Load a complete cached library; return whether there is one that this machine can load."""
         try:
-            path = kept_files.kept(self._kept, "so")
+            path = file_cache.kept(self._kept, "so")
             self._library = None if path is None else ctypes.CDLL(str(path))
         except OSError:
             pass
@@ -162,7 +162,7 @@ class _Build:
         try:
             if self.process.returncode != 0:
                 return False
-            kept_files.keep(folder, (self.folder / "code.so").read_bytes(), "so")
+            file_cache.keep(folder, (self.folder / "code.so").read_bytes(), "so")
         except OSError:
             return False
         finally:

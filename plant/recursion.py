@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from plant import kept_files
+from plant import file_cache
 from plant.instruction_tape import InstructionTape, pointers
 from plant.machine_code import MachineCode
 from plant.symbolic import one_at_a_time
@@ -194,7 +194,7 @@ def _rows_before_compiling(tape: InstructionTape | None) -> float:
 
 def _instructions(function: Callable[[], Any], carried: int, folder: str | None) -> InstructionTape | None:
     """The instructions of a function, cached if possible; None if some cannot be executed."""
-    path = None if folder is None else kept_files.kept(folder, "npz")
+    path = None if folder is None else file_cache.kept(folder, "npz")
     try:
         if path is not None:
             return InstructionTape.read(path.read_bytes())
@@ -203,7 +203,7 @@ def _instructions(function: Callable[[], Any], carried: int, folder: str | None)
     tape = InstructionTape.of(function(), carried)
     if folder is not None and tape is not None:
         with suppress(OSError):  # they are built again next time
-            kept_files.keep(folder, tape.content, "npz")
+            file_cache.keep(folder, tape.content, "npz")
     return tape
 
 

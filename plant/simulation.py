@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 
 from plant.actuator import Course, actuated, played
-from plant.built_once import recursion
 from plant.discrete import Method, Structure, integration_steps, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
@@ -16,6 +15,7 @@ from plant.effects.goal_rate_limit import first_goal
 from plant.errors import BadParameter
 from plant.integrator import Step
 from plant.measured_torque import supporting_points
+from plant.recursion_cache import recursion
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 

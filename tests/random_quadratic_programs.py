@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc import Controller
-from mpc.corridor import moved, prices
+from mpc.soft_limits import moved, prices
 from plant import GearTrain, ServoModel
 from plant.effects import ActuatorLag, Compliance
 

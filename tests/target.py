@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mpc import Controller
 from mpc.export import TargetCode
-from mpc.trouble import sentence
+from mpc.status import sentence
 from plant import GearTrain, Rig, ServoModel
 from plant.effects import ActuatorLag, Compliance, CoulombFriction, InputDelay
 

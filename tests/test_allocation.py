@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import allocation.sharing
+import allocation.general_allocation
 from allocation import Allocator, Bounds, InfeasibleTorque, least_effort
 from plant.errors import AntidriveError, BadParameter
 from plant.gears import GearTrain
@@ -203,7 +203,7 @@ def test_a_solver_that_fails_cannot_pass(monkeypatch: pytest.MonkeyPatch, failur
 
 
 def test_an_answer_without_proof_keeps_the_preload_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(allocation.sharing, "solve_exactly", lambda *_: np.full(2, 0.5))
+    monkeypatch.setattr(allocation.general_allocation, "solve_exactly", lambda *_: np.full(2, 0.5))
     allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, solver="osqp")
     result = allocator.allocate(1.0)
     assert result.torques.tolist() == [0.02, -0.02]

@@ -18,7 +18,7 @@ from front_door import antidrive, listing, write_model
 from target import MODELS, PAPER, UNEQUAL, recorded
 
 from mpc import Controller, controller_fmu
-from mpc.trouble import sentence
+from mpc.status import sentence
 from plant import BadParameter, Fmu, ServoModel, sample_step, servo_fmu, simulate
 from plant.discrete import sample_reading
 from plant.effects import Backlash, CoulombFriction, DeadZone, FrictionDrift, InputDelay, SensorLag

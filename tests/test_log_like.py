@@ -41,7 +41,7 @@ def test_fit_and_diagnosis_take_them(path, monkeypatch):
         heard.append(log)
         raise BadParameter("heard.")
 
-    monkeypatch.setattr(import_module("diagnosis.one_reading"), "fit_with_prior", listen)
+    monkeypatch.setattr(import_module("diagnosis.diagnose_once"), "fit_with_prior", listen)
     for source in (path, pd.DataFrame(TABLE), TABLE):
         with pytest.raises(BadParameter, match="heard"):
             diagnose(source, holdout=source)

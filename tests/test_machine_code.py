@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from identification import observer_steps
-from plant import ServoModel, kept_files, machine_code, tape_loops
+from plant import ServoModel, file_cache, machine_code, tape_loops
 from plant.discrete import Structure
 from plant.effects import Compliance, StribeckFriction
 from plant.effects.effect import Array
@@ -35,7 +35,7 @@ ROWS = 2 * CHUNK + 7
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tape_loops.loops()  # for all tests of this process, which would else stay without one
-    monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr(file_cache, "_cache", lambda: tmp_path / "cache")
 
 
 def example(factor: float = 1.0, kept: str | None = None) -> Recursion:
@@ -321,7 +321,7 @@ def test_without_a_working_compiler_the_function_serves(
 @with_compiler
 def test_a_cache_that_cannot_be_written_costs_only_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path / "file" / "below")
+    monkeypatch.setattr(file_cache, "_cache", lambda: tmp_path / "file" / "below")
     recursion = example()
     assert not recursion.wait()
     assert is_right(recursion)

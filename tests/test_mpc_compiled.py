@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from allocation import Bounds, least_effort
 from mpc import Control, Controller
 from mpc.drive import DriveInverse
-from mpc.split import machine, reach, split
-from plant import GearTrain, ServoModel, kept_files, machine_code
+from mpc.stage_allocation import machine, reach, split
+from plant import GearTrain, ServoModel, file_cache, machine_code
 from plant.effects import (
     ActuatorLag,
     BackEmf,
@@ -118,7 +118,7 @@ def test_the_machine_code_is_plain_c99(model: str, tmp_path: Path) -> None:
 def test_a_second_controller_finds_the_machine_code_of_the_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path)
+    monkeypatch.setattr(file_cache, "_cache", lambda: tmp_path)
     controllers = []
     for horizon, inertia in ((10, 2.0), (40, 3.0)):  # neither is part of the source code
         controllers.append(four_hertz(ServoModel(inertia=inertia), PAPER, horizon=horizon))

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from random_quadratic_programs import responses
 from scipy.linalg import solve_discrete_are
 
-from mpc.corridor import SoftLimits
 from mpc.drive import DriveInverse
 from mpc.estimator import Estimator
 from mpc.friction import Frictionless
 from mpc.governor import Governor
 from mpc.prediction import Predictor
 from mpc.preview import prolonged
+from mpc.soft_limits import SoftLimits
 from plant import ServoModel, simulate
 from plant.effects import (
     ActuatorLag,

@@ -11,11 +11,11 @@ import pytest
 from machine import Array, Machine, record
 
 from diagnosis import diagnose
+from diagnosis.diagnose_once import _sets
 from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.evidence.prior import forms
 from diagnosis.evidence.sizes import Sizes
 from diagnosis.explanation.posterior_sentences import set_title
-from diagnosis.one_reading import _sets
 from diagnosis.verdict import Judgement, alternatives, judged, variables
 from identification.log import Log
 from identification.objective import Objective

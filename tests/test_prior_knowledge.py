@@ -121,7 +121,7 @@ def test_a_diagnosis_hands_on_what_is_known(monkeypatch: pytest.MonkeyPatch) -> 
         heard.append(known)
         raise BadParameter("heard.")
 
-    monkeypatch.setattr(import_module("diagnosis.one_reading"), "fit_with_prior", listen)
+    monkeypatch.setattr(import_module("diagnosis.diagnose_once"), "fit_with_prior", listen)
     given = {"fixed": {"cogging.order": 12}, "bounds": {"inertia": (1, 2)}, "prior": {"gravity": (1, 2)}}
     for task in (lambda: diagnose(LOG, **given), lambda: next(diagnose_all([LOG], **given))):
         with pytest.raises(BadParameter, match="heard"):

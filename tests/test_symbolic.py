@@ -36,7 +36,7 @@ def test_no_two_threads_build_at_once() -> None:
     assert most == 2  # of one thread, which asked itself
 
 
-ALONE = ("one_at_a_time", "recursion")  # which builds so too, as `test_built_once` asks
+ALONE = ("one_at_a_time", "recursion")  # which builds so too, as `test_recursion_cache` asks
 
 
 def builders(path: Path) -> list[tuple[str, bool]]:

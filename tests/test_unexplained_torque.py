@@ -120,7 +120,7 @@ def test_starts_are_near_the_truth_for_any_zero_of_the_angle() -> None:
 
 
 def test_what_does_not_explain_the_torque_leaves_no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = sys.modules["diagnosis.one_reading"]
+    module = sys.modules["diagnosis.diagnose_once"]
     log = record(Machine().hiding(coulomb_friction={"torque": 0.3}), excitation(2, duration=8.0), seed=2).log()
     monkeypatch.setattr(module, "torque_predicted_worse", lambda error: "worse")
     found = diagnose(log, candidates=["coulomb_friction"])

@@ -78,8 +78,8 @@ def sentences_of(settings: CameraSettings, found: Tracked) -> Outcome:
             f"is between them and the load; with one drive the error is smaller without its encoder. The next "
             f"{settings.foresight:g} s of the target are known.",
             f"The error over all targets is {MICRO * overall[PLANNED]:.0f} µrad rms with least effort by contact "
-            f"torque, {MICRO * overall[SIZED]:.0f} with constant preload, {MICRO * overall[ONE]:.0f} with one drive. At "
-            f"the copper loss of least effort it is {MICRO * overall[WARM]:.0f} with a constant preload, and "
+            f"torque, {MICRO * overall[SIZED]:.0f} with constant preload, {MICRO * overall[ONE]:.0f} with one drive. "
+            f"At the copper loss of least effort it is {MICRO * overall[WARM]:.0f} with a constant preload, and "
             f"{MICRO * overall[SHAPED]:.0f} with one that falls with the load. Smallest error: {best}.",
             f"The copper losses are {watts[PLANNED]:.2f} W with least effort, {watts[SIZED]:.2f} W with a constant "
             f"preload that is enough for the peak, {watts[ONE]:.2f} W with one drive. Contact was never lost with: "

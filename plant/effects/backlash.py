@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.built_once import recursion
 from plant.effects.compliance import Compliance
 from plant.effects.effect import (
     POSITIVE,
@@ -26,6 +25,7 @@ from plant.effects.effect import (
     parameter,
     within,
 )
+from plant.recursion_cache import recursion
 
 _STIFF = 400.0  # frequency on a flank that a log with 5 ms samples cannot distinguish from a rigid one [rad/s]
 _DAMPING = 0.5  # damping ratio of a flank that counts as rigid

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import casadi as ca
 import numpy as np
 
-from plant.built_once import recursion
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
 from plant.effects.interpolation import interpolated, slopes_and_curvatures
+from plant.recursion_cache import recursion
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel

@@ -9,7 +9,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from plant.built_once import recursion
 from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.effect import (
     POSITIVE,
@@ -24,6 +23,7 @@ from plant.effects.effect import (
     parameter,
     within,
 )
+from plant.recursion_cache import recursion
 
 _TRAVELS = 8
 

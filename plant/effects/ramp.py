@@ -9,8 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from plant.built_once import recursion
 from plant.effects.effect import Array, Effect, Expression, Motion, Trace
+from plant.recursion_cache import recursion
 
 _SAMPLES = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # samples in which the candidate rates cross the whole range
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.beside_curves import beside_curves
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
@@ -31,12 +30,13 @@ from diagnosis.inverse_model import (
     unexplained_torque,
 )
 from diagnosis.levels import CLEARLY, DECISIVE, LIKELY, SURE
+from diagnosis.long_log import stretches
+from diagnosis.redundant_effects import beside_curves
 from diagnosis.refit import estimates
 from diagnosis.rejection import rejected
 from diagnosis.repeated_runs import repeats
 from diagnosis.residual_torque import ResidualTorque, effects_over, residual_torque, torque_of
 from diagnosis.result import Cause, EffectSet, Minor, Unknown
-from diagnosis.stretches import stretches
 from diagnosis.validation_only import only_in_validation
 from diagnosis.verdict import Judgement, alternatives, judged, log_bayes, variables_instead
 from identification.between_run_differences import between_run_differences

@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, Protocol, runtime_checkable
 
 import casadi as ca
 
-from plant.kept_files import content_hash
+from plant.file_cache import content_hash
 from plant.recursion import Recursion
 from plant.symbolic import one_at_a_time
 

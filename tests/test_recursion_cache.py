@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from plant import ServoModel, built_once, kept_files, machine_code, symbolic, tape_loops
+from plant import ServoModel, file_cache, machine_code, recursion_cache, symbolic, tape_loops
 from plant.discrete import Structure
 from plant.effects import CoulombFriction
 from plant.effects.effect import Array
@@ -25,7 +25,7 @@ PAPER = ServoModel.paper()
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tape_loops.loops()  # for all tests of this process, which would else stay without one
-    monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path)
+    monkeypatch.setattr(file_cache, "_cache", lambda: tmp_path)
 
 
 def another_program(monkeypatch: pytest.MonkeyPatch, times: list[int], number: int = 2) -> Any:
@@ -38,7 +38,7 @@ def another_program(monkeypatch: pytest.MonkeyPatch, times: list[int], number: i
         return ca.Function("built", [state, row], [number * ca.sin(state) + factor * row, ca.sumsqr(state)])
 
     monkeypatch.setattr(built, "__module__", "plant.somewhere")
-    return built_once.recursion(carried=1)(built)
+    return recursion_cache.recursion(carried=1)(built)
 
 
 def followed(recursion: Recursion) -> list[Array]:
@@ -68,7 +68,7 @@ def test_other_arguments_equations_or_code_are_something_else(monkeypatch: pytes
     another_program(monkeypatch, times)(Structure(PAPER), 3)
     another_program(monkeypatch, times)(Structure(PAPER), 4)
     another_program(monkeypatch, times)(Structure(PAPER.with_effect(CoulombFriction(torque=0.2))), 3)
-    monkeypatch.setattr(built_once, "_code", lambda: "another version")
+    monkeypatch.setattr(recursion_cache, "_code", lambda: "another version")
     other = another_program(monkeypatch, times, number=7)(Structure(PAPER), 3)
     assert times == [3, 4, 3, 3]
     assert followed(other)[0][0] != followed(another_program(monkeypatch, [], number=2)(Structure(PAPER), 4))[0][0]
@@ -108,7 +108,7 @@ def test_a_file_that_was_cut_short_is_built_anew(left: float, monkeypatch: pytes
 
 def test_a_cache_that_cannot_be_written_costs_only_time(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path / "file" / "below")
+    monkeypatch.setattr(file_cache, "_cache", lambda: tmp_path / "file" / "below")
     times = list[int]()
     for _ in range(2):
         followed(another_program(monkeypatch, times)(Structure(PAPER), 3))
@@ -117,31 +117,31 @@ def test_a_cache_that_cannot_be_written_costs_only_time(monkeypatch: pytest.Monk
 
 def test_what_nobody_has_used_for_long_is_thrown_away(tmp_path: Path) -> None:
     for name in ("used", "unused"):
-        kept_files.keep(name, b"content", "txt")
+        file_cache.keep(name, b"content", "txt")
         os.utime(tmp_path / name, (0.0, time.time() - 91 * 86400.0))
-    assert kept_files.kept("used", "txt") is not None
-    kept_files._swept.cache_clear()
-    kept_files.keep("new", b"content", "txt")
+    assert file_cache.kept("used", "txt") is not None
+    file_cache._swept.cache_clear()
+    file_cache.keep("new", b"content", "txt")
     assert {path.name for path in tmp_path.iterdir()} == {"used", "new"}
 
 
 def test_what_was_used_last_is_kept_where_there_is_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept_files, "_MOST", 3)
+    monkeypatch.setattr(file_cache, "_MOST", 3)
     for age, name in enumerate("abcd"):
-        kept_files.keep(name, b"content", "txt")
+        file_cache.keep(name, b"content", "txt")
         os.utime(tmp_path / name, (0.0, time.time() - 1000.0 - age))
-    kept_files._swept.cache_clear()
-    kept_files.keep("new", b"content", "txt")
+    file_cache._swept.cache_clear()
+    file_cache.keep("new", b"content", "txt")
     assert {path.name for path in tmp_path.iterdir()} == {"new", "a", "b"}
 
 
 def test_the_mark_of_our_code_reads_it() -> None:
-    built_once._code.cache_clear()
-    assert len(built_once._code()) == 24
+    recursion_cache._code.cache_clear()
+    assert len(recursion_cache._code()) == 24
 
 
 def test_every_effect_of_the_catalogue_can_be_kept() -> None:
     from plant.effects import catalogue
 
     for kind in catalogue.values():
-        assert built_once._text(kind) == f"{kind.__module__}.{kind.__qualname__}"
+        assert recursion_cache._text(kind) == f"{kind.__module__}.{kind.__qualname__}"

@@ -16,8 +16,8 @@ from mpc.governor import Governor, governed_path
 from mpc.kernel import Kernel, fused
 from mpc.preview import preview, prolonged
 from mpc.slots import History, Kalman, Path, Rubbing, Tuning
+from mpc.status import Trouble
 from mpc.time_optimal_law import followable
-from mpc.trouble import Trouble
 
 Array = NDArray[np.float64]
 
