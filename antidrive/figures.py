@@ -10,6 +10,7 @@ import numpy as np
 from allocation import CapabilityMap
 from antidrive.capability import ROTARY, Units
 from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, Array, Bar, Bars, Curve, Figure, Row, Style
+from antidrive.downsampling import downsample
 from diagnosis.explanation.cumulative_evidence import CumulativeEvidence, ResidualOverVariable
 from diagnosis.explanation.wording import measured, torque_or_force
 from diagnosis.holdout import GainErrors
@@ -20,6 +21,7 @@ from diagnosis.result import Gain, Replay
 if TYPE_CHECKING:
     from antidrive.signature import Signature
 
+_SMALL = 700  # points of a curve of the gallery
 _WIDE = 3.5  # width of measured curves, which lie under those of models [px]
 
 
@@ -157,13 +159,14 @@ def signature_figure(found: Signature, variable: str, lacking: str) -> Figure:
 
 
 def change_figure(found: Signature) -> Figure:
-    """Measurement without and with an effect, and the difference below."""
-    time = found.variables["time"]
-    shown = [
-        Curve(name="without it", colour=MEASURED, x=time, y=found.without, width=_WIDE),
-        Curve(name="with it", colour=AFTER, x=time, y=found.seen),
-    ]
-    difference = [Curve(name="difference", colour=BEFORE, x=time, y=found.change)]
+    """Measurement without and with an effect, and the difference; of few points, as it is one of many figures."""
+
+    def curve(name: str, colour: str, y: Array, width: float = 1.6) -> Curve:
+        kept = downsample(y, _SMALL)
+        return Curve(name=name, colour=colour, x=found.variables["time"][kept], y=y[kept], width=width)
+
+    shown = [curve("without it", MEASURED, found.without, _WIDE), curve("with it", AFTER, found.seen)]
+    difference = [curve("difference", BEFORE, found.change)]
     rows = [
         Row(title="measurement [rad]", curves=shown, share=0.55),
         Row(title="difference [rad]", curves=difference, share=0.45),

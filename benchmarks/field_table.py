@@ -10,7 +10,7 @@ import numpy as np
 from field_scoring import Outcome, Score, score
 
 CATEGORIES = ("right", "honest", "wrong", "missed", "crash")
-_UNSEEN = 1e-3  # assumed probability of an expected effect that is not mentioned, in the log score
+_UNMENTIONED = 1e-3  # assumed probability of an expected effect that is not mentioned, in the log score
 Pair = tuple[Outcome, Score]
 
 
@@ -104,9 +104,9 @@ def _reliability(pairs: list[Pair]) -> str:
             lines.append(
                 f"{edges[k]:5.2f} to {min(edges[k + 1], 1.0):4.2f}{int(chosen.sum()):>7}{mean:>8.3f}{share:>8.3f}"
             )
-    clipped = np.clip(stated, _UNSEEN, 1.0 - _UNSEEN)
+    clipped = np.clip(stated, _UNMENTIONED, 1.0 - _UNMENTIONED)
     score_sum = float(np.sum(np.where(true > 0.0, np.log(clipped), np.log1p(-clipped))))
-    score_sum += np.log(_UNSEEN) * sum(found.unmentioned for _, found in pairs)
+    score_sum += np.log(_UNMENTIONED) * sum(found.unmentioned for _, found in pairs)
     logs = sum(found.category != "crash" for _, found in pairs)
     lines.append(
         f"expected calibration error (<= 0.02): {error:.4f};  log score per log: {score_sum / max(logs, 1):.4f}"

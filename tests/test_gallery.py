@@ -38,6 +38,10 @@ def sections(page: str) -> dict[str, str]:
     return {name: part.split("</section>")[0] for name, part in zip(parts[::2], parts[1::2], strict=True)}
 
 
+def test_the_page_of_all_effects_is_small(page: str) -> None:
+    assert len(page) < 2_000_000
+
+
 def test_every_effect_has_a_section_with_its_confounded_effects(page: str) -> None:
     found = sections(page)
     assert set(found) == set(catalogue)

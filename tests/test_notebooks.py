@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
+import time
 from dataclasses import dataclass
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -29,6 +30,7 @@ class Played:
     outputs: list[list[Output]]
     moved: dict[str, list[Output]]
     seconds: list[float]
+    processor: float
 
 
 def played(path: Path) -> Played:
@@ -37,11 +39,12 @@ def played(path: Path) -> Played:
     pytest.importorskip("matplotlib")
     if path.stem.startswith("06") and shutil.which("cc") is None:
         pytest.skip("no C compiler on this machine")
+    begin = time.process_time()
     with shell() as made:
         saved = [outputs(made, "".join(cell["source"])) for cell in cells(path) if cell["cell_type"] == "code"]
         sliders = made.user_ns.get("sliders", {})
         moved = {name: outputs(made, f"sliders[{name!r}].value = sliders[{name!r}].max") for name in sliders}
-        return Played(saved, moved, made.user_ns.get("seconds", []))
+        return Played(saved, moved, made.user_ns.get("seconds", []), time.process_time() - begin)
 
 
 def text(output: Output) -> str:
@@ -96,6 +99,7 @@ def test_a_notebook_asks_a_question_and_keeps_pictures_not_paths(path):
 def test_every_cell_prints_what_is_saved_and_the_text_agrees(path):
     """Numbers, names of effects and verdicts in prose: each is printed by a cell, or set in one."""
     saved, run = [cell for cell in cells(path) if cell["cell_type"] == "code"], played(path)
+    assert run.processor < 60.0
     for cell, found in zip(saved, run.outputs, strict=True):
         source, there = "".join(cell["source"]), [output for output in found if lasts(output)]
         assert [o["output_type"] for o in there] == [o["output_type"] for o in cell["outputs"]], source
