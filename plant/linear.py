@@ -76,7 +76,7 @@ def linearise(
         sample_time,
         states=[*names, *(f"torque_{i}_before" for i in range(1, under_way + 1))],
         inputs=["torque" if model.axis == "rotary" else "force"],
-        outputs=["reading"],
+        outputs=["measurement"],
     )
 
 

@@ -89,7 +89,7 @@ def _text(model: ServoModel, name: str, notes: Iterable[str]) -> str:
             *parameters,
             f'  {width} "velocity over which dry friction rises";',
             f'  input Real {entering}(unit="{_unit(torque_unit(model))}") "command";',
-            f'  output Real reading(unit="{_unit(units[place])}") "what the sensor shows";',
+            f'  output Real measurement(unit="{_unit(units[place])}") "what the sensor shows";',
             *(f"  Real {state}(start = 0.0, fixed = true);" for state in found.states),
             "  Real entering;",
             "  Real leaving;",
@@ -125,7 +125,7 @@ def _equations(servo: ServoModel, place: str) -> _Equations:
     shown: Any = x
     for effect in servo.effects:
         shown = shown if effect.states else effect.reading(shown, 0.0)
-    right = {"leaving": behind, f"der({place})": v, "der(velocity)": acceleration, "reading": shown}
+    right = {"leaving": behind, f"der({place})": v, "der(velocity)": acceleration, "measurement": shown}
     states = [place, "velocity"]
     if flexible is not None:
         right[f"der(motor_{place})"] = motor_velocity

@@ -230,7 +230,7 @@ _TEMPLATE = '''"""What MuJoCo has no attribute for in {name}.xml: {what}.
     model = mujoco.MjModel.from_xml_path("{name}.xml")
     data, servo = mujoco.MjData(model), Servo(model)
     servo.step(model, data, command)  # {push} [{unit}]; in place of mujoco.mj_step
-    servo.reading(data)               # {place} that the sensor shows [{length}]
+    servo.measurement(data)           # {place} that the sensor shows [{length}]
 
 It writes data.ctrl, data.qfrc_applied and model.dof_frictionloss of its joint, and nothing else.
 """
@@ -270,7 +270,7 @@ class Servo:
         model.dof_frictionloss[self.dof] = {friction}{after}
         mujoco.mj_step(model, data)
 
-    def reading(self, data):
+    def measurement(self, data):
         """What the sensor shows [{length}]."""
         {place} = data.qpos[self.place]{shown}
 '''

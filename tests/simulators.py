@@ -38,7 +38,7 @@ def in_mujoco(
         servo = module.Servo(machine)
     found = []
     for torque in command:
-        found.append(float(data.joint("load").qpos[0]) if servo is None else float(servo.reading(data)))
+        found.append(float(data.joint("load").qpos[0]) if servo is None else float(servo.measurement(data)))
         for _ in range(round(dt / machine.opt.timestep)):
             if servo is None:
                 data.ctrl[0] = torque
