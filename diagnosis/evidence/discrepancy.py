@@ -183,7 +183,14 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
     """The posterior from D'D, D'e and e'e, all beyond the parameters."""
     places = list(product(range(len(AMPLITUDES)), range(len(_ERRORS))))
     scales = [_scale(*place, len(pull), torques) for place in places]
-    tried = [_at(gram, pull, power, degrees, scale) for scale in scales]
+    axes: dict[bytes, _Axes] = {}  # amplitudes in the same ratio share them
+    tried = []
+    for scale in scales:
+        size = float(scale.max(initial=0.0)) or 1.0
+        ratio = np.round(scale / size, 12)
+        if (key := ratio.tobytes()) not in axes:
+            axes[key] = _Axes.of(gram, pull, ratio)
+        tried.append(axes[key].at(size, power, degrees))
     amplitudes, errors = (np.array(sizes) for sizes in zip(*product(AMPLITUDES, _ERRORS), strict=True))
     scores = np.array([likelihood for likelihood, *_ in tried]) - np.log1p((amplitudes / INEXACT) ** 2)
     best = int(np.argmax(scores))
@@ -215,19 +222,47 @@ def _scale(torque: int, measurement: int, columns: int, torques: int) -> Array:
 
 def _at(gram: Array, pull: Array, power: float, degrees: int, scale: Array) -> tuple[float, float, Array, Array]:
     """Log-likelihood, s^2, mean of f and W at prior standard deviations (M,) of f."""
-    values, vectors = np.linalg.eigh(scale[:, None] * gram * scale)
-    values, along = np.maximum(values, 0.0), vectors.T @ (scale * pull)
-    variance = power / degrees
-    for _ in range(_PASSES):
-        mean = along / (values + variance)
-        left = power - float(along @ mean) - variance * float(mean @ mean)
-        used = float(np.sum(values / (values + variance)))
-        variance = max(left / max(degrees - used, 1.0), 1e-12 * power / degrees)
-    stiff = values + variance
-    quadratic = power - float(along @ (along / stiff))
-    if quadratic <= 0.0:  # only rounding errors are left
-        return -np.inf, variance, np.zeros(len(pull)), np.zeros_like(gram)
-    log_determinant = float(np.sum(np.log(stiff / variance)))
-    likelihood = -0.5 * (degrees * np.log(2.0 * np.pi * variance) + quadratic / variance + log_determinant)
-    basis = scale[:, None] * vectors
-    return float(likelihood), variance, basis @ (along / stiff), (basis / stiff) @ basis.T
+    return _Axes.of(gram, pull, scale).at(1.0, power, degrees)
+
+
+@dataclass(frozen=True, eq=False)
+class _Axes:
+    """Principal axes of the response to functions whose prior standard deviations have given ratios.
+
+    Attributes:
+        values: (K,) eigenvalues.
+        along: (K,) D'e along the axes.
+        basis: (M, K) coefficients of the functions.
+    """
+
+    values: Array
+    along: Array
+    basis: Array
+
+    @classmethod
+    def of(cls, gram: Array, pull: Array, ratio: Array) -> _Axes:
+        there = np.flatnonzero(ratio)  # a function without amplitude is left out
+        some = ratio[there]
+        values, vectors = np.linalg.eigh(some[:, None] * gram[np.ix_(there, there)] * some)
+        basis = np.zeros((ratio.size, there.size))
+        basis[there] = some[:, None] * vectors
+        return cls(np.maximum(values, 0.0), vectors.T @ (some * pull[there]), basis)
+
+    def at(self, size: float, power: float, degrees: int) -> tuple[float, float, Array, Array]:
+        """Log-likelihood, s^2, mean of f and W, with `size` times these standard deviations."""
+        values, along = size**2 * self.values, size * self.along
+        variance = power / degrees
+        for _ in range(_PASSES):
+            mean = along / (values + variance)
+            left = power - float(along @ mean) - variance * float(mean @ mean)
+            used = float(np.sum(values / (values + variance)))
+            variance = max(left / max(degrees - used, 1.0), 1e-12 * power / degrees)
+        stiff = values + variance
+        quadratic = power - float(along @ (along / stiff))
+        if quadratic <= 0.0:  # only rounding errors are left
+            count = len(self.basis)
+            return -np.inf, variance, np.zeros(count), np.zeros((count, count))
+        log_determinant = float(np.sum(np.log(stiff / variance)))
+        likelihood = -0.5 * (degrees * np.log(2.0 * np.pi * variance) + quadratic / variance + log_determinant)
+        basis = size * self.basis
+        return float(likelihood), variance, basis @ (along / stiff), (basis / stiff) @ basis.T
