@@ -7,7 +7,7 @@ import numpy as np
 SURE = 0.9
 """Probability above which a result counts as certain, and share above which it counts as nearly all."""
 LIKELY = 0.5
-"""Probability above which an effect is reported and in the extended model."""
+"""Probability above which an effect is reported and in the extended model, and share that counts as about as much."""
 CLEARLY = float(np.log(SURE / (1.0 - SURE)))
 """Log Bayes factor that raises a prior probability of 0.5 to `SURE`."""
 DECISIVE = float(np.log(1000.0))

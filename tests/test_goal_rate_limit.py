@@ -142,10 +142,10 @@ def test_the_missing_torque_sees_the_limited_goal() -> None:
         assert lacking[0] < 0.1 * lacking[1]
 
 
-def motion_of(servo_gain: float) -> Motion:
+def motion_of(servo_gain: float, goal: Array | None = None) -> Motion:
     """A still load with two runs: in the first the goal jumps from 0.2 to 1, in the second it stays."""
-    count, still = 300, np.zeros(300)
-    goal = np.repeat([0.2, 1.0, -0.5], [50, 100, 150])
+    goal = np.repeat([0.2, 1.0, -0.5], [50, 100, 150]) if goal is None else goal
+    count, still = goal.size, np.zeros(goal.size)
     command = servo_gain * goal if servo_gain else goal
 
     def law(command: Array) -> Array:
@@ -184,3 +184,11 @@ def test_either_limit_is_drawn_where_it_acts() -> None:
     """A torque has no goal, and of a position servo it is the goal that is limited."""
     for kind, drawn in ((RateLimit, [6, 0]), (GoalRateLimit, [0, 6])):
         assert [len(list(kind.traces(motion_of(gain)))) for gain in (0.0, 60.0)] == drawn
+
+
+def test_of_a_slow_set_point_the_limits_tried_are_slower() -> None:
+    """It takes 800 samples from end to end; limits that cross that in 150 samples would all be out of its reach."""
+    slow = np.tile(0.1 * np.sin(np.linspace(0.0, 2.0 * np.pi, 1600)), 2)
+    for trace in GoalRateLimit.traces(motion_of(60.0, slow)):
+        assert trace.start(np.ones(1)).values[0] < np.abs(np.diff(slow)).max() / SAMPLE
+        assert np.abs(trace.columns).max() > 0.1

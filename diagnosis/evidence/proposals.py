@@ -11,11 +11,11 @@ import numpy as np
 from diagnosis.evidence.explained_power import Products, Signature, explained, powers, unbounded
 from diagnosis.evidence.prior import LOG_UNIFORM
 from diagnosis.evidence.signatures import Signatures
+from diagnosis.levels import LIKELY
 from identification.least_squares import bounded_least_squares
 from plant.effects import Effect
 
 _FIRST = 6  # effects to which a second one is added
-_NEAR = 0.4  # share of the best shape's evidence above which another shape is a further start
 _STARTS = 4
 
 
@@ -144,7 +144,7 @@ class _Ranking:
             yield from (shape.start(np.ones(len(shape.positive))) for shape in own)
             return
         evidence = [self._evidence(products, power) for power in powers(products, self.signatures.plain, own)]
-        least, like = _NEAR * evidence[0], list(zip(evidence[1:], own[1:], strict=True))
+        least, like = LIKELY * evidence[0], list(zip(evidence[1:], own[1:], strict=True))
         near = sorted((pair for pair in like if pair[0] > least), key=lambda pair: -pair[0])
         for _, shape in near[: _STARTS - 1]:
             at = shape.columns

@@ -36,7 +36,6 @@ from plant.effects import Effect
 from plant.effects.nonparametric import unnamed
 
 _InPlace: TypeAlias = Callable[[FittedSets, Explanation, frozenset[str], float | None], list[Proposal]]
-_NEAR = 0.3  # share by which the linearised evidence may be too large
 _RETUNED = 3  # sets whose observer bandwidth is optimised again
 _MOST = 5  # rounds of adding effects, and number of effects in a set from which none is added
 
@@ -247,9 +246,12 @@ def _narrowed(found: FittedSets, best: Explanation) -> list[Explanation]:
 
 
 def _roughly_promised(found: FittedSets, less: Explanation, out: frozenset[str]) -> float | None:
-    """Lower limit of the linearised evidence of effects removed from a set, with a margin; None without a proposal."""
+    """Lower limit of the linearised evidence of effects removed from a set; None without a proposal.
+
+    The margin is half of it, as it may be that much too large.
+    """
     promised = [each.value for each in proposals(found, less) if each.names == out]
-    return max(promised) - max(DECISIVE, _NEAR * max(promised)) if promised else None
+    return max(promised) - max(DECISIVE, (1.0 - LIKELY) * max(promised)) if promised else None
 
 
 def _in_place(found: FittedSets, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:

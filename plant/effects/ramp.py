@@ -12,7 +12,7 @@ import numpy as np
 from plant.effects.effect import Array, Effect, Expression, Motion, Trace
 from plant.recursion_cache import recursion
 
-_SAMPLES = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # samples in which the candidate rates cross the whole range
+_SLOWER = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # ratios of the fastest change of the input to candidate rates
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,17 +38,20 @@ class Ramp(Effect):
 
     @classmethod
     def ramps(cls, motion: Motion, wanted: Array, command: Callable[[Array], Array]) -> Iterator[Trace]:
-        """Signatures for rates that cross the range in 2 to 150 samples: torque with the ramp less torque without.
+        """Signatures for rates of 1/2 to 1/150 of the fastest change of the input: torque with the ramp less without.
+
+        A limit above the fastest change has no effect. A step is a change within one sample.
 
         Args:
             motion: of the fitted model.
             wanted: (T,) input of the ramp.
             command: the drive's command (T,) [N m] for the output of the ramp (T,).
         """
-        span = float(np.ptp(wanted))
-        if span <= 0.0:
+        changes = motion.by_run(lambda rows: np.abs(np.diff(wanted[rows], prepend=wanted[rows[:1]])))
+        fastest = float(np.max(changes)) / motion.sample_time
+        if fastest <= 0.0:
             return
-        rates = span / (_SAMPLES * motion.sample_time)
+        rates = fastest / _SLOWER
         followed = motion.by_run(lambda rows: _followed(wanted[rows], rates * motion.sample_time))
         for place, rate in enumerate(rates):
             arriving = motion.arriving(motion.law(command(followed[:, place])))
@@ -56,7 +59,7 @@ class Ramp(Effect):
                 columns=(arriving - motion.arriving(motion.torque))[:, None],
                 positive=(True,),
                 start=lambda c, rate=rate: cls(rate=float(rate)),  # type: ignore[misc]
-                searched=_SAMPLES.size,
+                searched=_SLOWER.size,
             )
 
 
