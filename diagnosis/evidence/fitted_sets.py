@@ -72,10 +72,9 @@ class FittedSets:
             self.cached_fits[begun] = fitted(start, models, bandwidth)
         return self.cached_fits[begun]
 
-    def gained(self, fit: Fit, proposal: Proposal) -> float:
-        """Gain in log-likelihood by one effect, fitted from the first of its starts with the same observer."""
-        model = fit.model.with_effect(proposal.starts[0][0])
-        return self.fitted(fit, [model], fit.bandwidth).log_likelihood - fit.log_likelihood
+    def with_one(self, fit: Fit, proposal: Proposal) -> Fit:
+        """The model of a fit with one effect, fitted from the first of its starts with the same observer."""
+        return self.fitted(fit, [fit.model.with_effect(proposal.starts[0][0])], fit.bandwidth)
 
     def fitted_with(self, fit: Fit, proposal: Proposal, bandwidth: float, least: float | None = None) -> Fit:
         """The model of a fit with the proposed effects, fitted from there.
