@@ -106,26 +106,23 @@ def _with_starts_of(found: FittedSets, parents: Sequence[Explanation], proposal:
 def rise(found: FittedSets, parent: Explanation, parents: Sequence[Explanation], bandwidth: float = np.inf) -> None:
     """Fit each effect in addition to a set, from its starts for all parents; try those with the largest gains.
 
-    They are tried with the observer of the set and with another one, as in `extend`. The gain is that in likelihood,
-    and that in evidence: the fit of a poor model may follow the log only because its parameters are far from the truth,
-    and then the likelihood of a better one is lower without a discrepancy.
+    They are tried with the observer of the set and with another one, as in `extend`.
 
     The linearised evidence is useless if the model is very poor: its inertia may have absorbed friction, and the
     observer and the discrepancy may have absorbed the missing torque.
     """
     single = [_with_starts_of(found, parents, each) for each in proposals(found, parent) if not each.costly]
-
-    def gains(each: Proposal) -> tuple[float, float]:
-        fit = found.with_one(parent.fit, each)
-        tried = found.explanation_of(fit)
-        more = -np.inf if tried is None else tried.log_marginal - parent.log_marginal
-        return each.evidence(fit.log_likelihood - parent.fit.log_likelihood), more
-
-    gained, chosen = list(zip(single, in_threads(gains, single), strict=True)), dict[frozenset[str], Trial]()
-    for place, most in ((0, 2 * FITTED_SETS), (1, FITTED_SETS)):  # a wider form may rank before the missing effect
-        rising = sorted((pair for pair in gained if pair[1][place] > 0.0), key=lambda pair: -pair[1][place])
-        chosen |= {each.names: Trial(parent, each) for each, _ in rising[:most]}
-    try_sets(found, list(chosen.values()), bandwidth)
+    fits = in_threads(lambda each: found.with_one(parent.fit, each), single)
+    evidence = {
+        each.names: each.evidence(fit.log_likelihood - parent.fit.log_likelihood)
+        for each, fit in zip(single, fits, strict=True)
+    }
+    rising = [each for each in single if evidence[each.names] > 0.0]
+    rising.sort(key=lambda each: -evidence[each.names])
+    chosen = [
+        Trial(parent, each) for each in rising[: 2 * FITTED_SETS]
+    ]  # a wider form may rank before the missing effect
+    try_sets(found, chosen, bandwidth)
 
 
 def try_sets(found: FittedSets, trials: Sequence[Trial], bandwidth: float = np.inf) -> None:
@@ -148,22 +145,21 @@ def try_sets(found: FittedSets, trials: Sequence[Trial], bandwidth: float = np.i
 
 
 def _tried(found: FittedSets, trial: Trial, bandwidth: float) -> Iterator[Explanation | None]:
-    """One trial, with the observer of its parent and with a slower one; empty if likelihood and evidence do not rise.
+    """One trial, with the observer of its parent and with a slower one; empty if it gains no log-likelihood.
 
     With a slow observer or none, a fit may end in a local minimum. So if there is no gain, it is repeated with the
     observer of the base model, then with slower ones.
     """
     parent, proposal, least = trial.parent, trial.proposal, trial.least
     fit = found.fitted_with(parent.fit, proposal, parent.fit.bandwidth, parent.fit.log_likelihood + least)
-    explanation = found.explanation_of(fit)
-    more = explanation is not None and explanation.log_marginal > parent.log_marginal
-    if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING and not more:
+    if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING:
         if parent.fit.bandwidth < found.null.bandwidth and not found.held:
             begun = found.explanation_of(found.fitted_with(parent.fit, proposal, found.null.bandwidth))
             if begun is not None:
                 yield begun
                 yield from with_other_observers(found, begun)
         return
+    explanation = found.explanation_of(fit)
     yield explanation
     if bandwidth < fit.bandwidth and fit.log_likelihood >= parent.fit.log_likelihood + least:
         yield found.explanation_of(found.fitted(fit, [fit.model], bandwidth))

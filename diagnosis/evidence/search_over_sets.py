@@ -60,6 +60,7 @@ def explore(
     rise(found, found.fits.get((frozenset(), null.bandwidth), found.best), bare, suits)
     extend(found, bare, suits)
     _improve(found)
+    _weigh_alone(found)
     _try_chaotic(found)
     _replace(found)
     _replace_by_nonparametric(found)
@@ -88,6 +89,21 @@ def explore_from(found: FittedSets, fit: Fit) -> bool:
     _replace_by_nonparametric(found)
     _fit_leading(found)
     return True
+
+
+def _weigh_alone(found: FittedSets) -> None:
+    """Weigh every effect fitted alone, if something is left unexplained; if one is better than all sets, go on from it.
+
+    They were chosen by their likelihood. But a poor model may follow the log only because its parameters are far from
+    the truth: beside it, the likelihood of a better one is lower, and its evidence higher.
+    """
+    best, bare = found.best, found.fits.get((frozenset(), found.null.bandwidth))
+    if bare is None or found.held or best.discrepancy.posterior.material <= LIKELY:
+        return
+    alone = [each for each in proposals(found, bare) if not each.costly]
+    found.add(in_threads(lambda each: found.explanation_of(found.with_one(bare.fit, each)), alone))
+    if found.best is not best:
+        _improve(found)
 
 
 def _try_chaotic(found: FittedSets) -> None:
