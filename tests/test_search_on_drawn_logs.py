@@ -19,6 +19,7 @@ from diagnosis.evidence.fitted_sets import FittedSets
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.search_over_sets import explore
 from diagnosis.explanation.summary import headline
+from diagnosis.validation_split import parts
 from identification.fit import fit
 from plant import catalogue
 from plant.effects.spectral_lines import lines_over_angle
@@ -134,3 +135,27 @@ def test_backlash_is_tried_where_something_is_left(monkeypatch: pytest.MonkeyPat
     found = explore(null, {name: catalogue[name] for name in ("backlash", "compliance")})
     assert found.held
     assert found.best.names == {"backlash"}
+
+
+def test_an_effect_with_a_lower_likelihood_may_be_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Presliding friction follows this log better, a rate limit explains it better beside an unmodelled torque."""
+    few = {name: catalogue[name] for name in ("rate_limit", "presliding_hysteresis")}
+    null = fit(parts(drawn(101381).log, None)[0])
+    families = families_along(null)
+    assert families is not None
+    found = FittedSets(null=null, effects=few, tell=print, families=families)
+    found.add([found.explanation_of(null)])
+    monkeypatch.setattr(search_over_sets, "_improve", lambda _: None)
+    search_over_sets._weigh_alone(found)
+    limit, friction = (found.known[frozenset({name})] for name in few)
+    assert limit.fit.log_likelihood < friction.fit.log_likelihood - 100.0
+    assert found.best is limit
+    assert limit.log_marginal > friction.log_marginal + 100.0
+
+
+def test_an_error_of_a_saturation_hides_no_friction() -> None:
+    """Without it the servo would move elsewhere; that is a hundred times the friction."""
+    few = ["torque_saturation", "presliding_hysteresis", "coulomb_friction"]
+    found = diagnose(drawn(101453).log, candidates=few)
+    assert {cause.effect for cause in found.causes} == {"torque_saturation", "presliding_hysteresis"}
+    assert min(cause.probability for cause in found.causes) > 0.9

@@ -94,8 +94,8 @@ def explore_from(found: FittedSets, fit: Fit) -> bool:
 def _weigh_alone(found: FittedSets) -> None:
     """Weigh every effect fitted alone, if something is left unexplained; if one is better than all sets, go on from it.
 
-    They were chosen by their likelihood. But a poor model may follow the log only because its parameters are far from
-    the truth: beside it, the likelihood of a better one is lower, and its evidence higher.
+    They were chosen by their likelihood. But if the model is poor, an effect may raise it less than others do, and
+    explain more beside an unmodelled torque.
     """
     best, bare = found.best, found.fits.get((frozenset(), found.null.bandwidth))
     if bare is None or found.held or best.discrepancy.posterior.material <= LIKELY:
