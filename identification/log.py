@@ -73,6 +73,7 @@ class Log(Drawn):
     decimation: int = 1
 
     _internal: ClassVar[frozenset[str]] = Drawn._internal | {
+        "report",
         *(
             "colour",
             "decimation",

@@ -151,11 +151,3 @@ def test_an_effect_with_a_lower_likelihood_may_be_the_best(monkeypatch: pytest.M
     assert limit.fit.log_likelihood < friction.fit.log_likelihood - 100.0
     assert found.best is limit
     assert limit.log_marginal > friction.log_marginal + 100.0
-
-
-def test_an_error_of_a_saturation_hides_no_friction() -> None:
-    """Without it the servo would move elsewhere; that is a hundred times the friction."""
-    few = ["torque_saturation", "presliding_hysteresis", "coulomb_friction"]
-    found = diagnose(drawn(101453).log, candidates=few)
-    assert {cause.effect for cause in found.causes} == {"torque_saturation", "presliding_hysteresis"}
-    assert min(cause.probability for cause in found.causes) > 0.9

@@ -16,7 +16,7 @@ An effect that is significant, but smaller than the unexplained part, may be a p
     r^2 / (1 + r^2)
 
 of its probability. Here r is its change of the innovations, divided by that of the discrepancy and the non-parametric
-effects, or by a hundredth of the largest other law (its error, `Sizes.laws`), whichever is larger. Where other
+effects, or by a hundredth of the largest other effect (the error of that one's law), whichever is larger. Where other
 terms cancel most of an effect, it also keeps only the probability that what is left is more than a normal error of a
 hundredth of these. The rest goes to the same set without it. An effect with a simpler special case is tested a second
 time: what it adds to the special case has to exceed the same, and a hundredth of the effect itself.
@@ -177,7 +177,7 @@ def beside_names(explanation: Explanation, named: Explanation) -> float:
     The size of what it explains beyond that set follows from the gain in log-likelihood, without the penalty for the
     number of effects: a change d of the innovations gains d^2 / (2 s^2).
     """
-    laws = [size for size in named.sizes.laws.values() if np.isfinite(size)]
+    laws = [size for size in named.sizes.effects.values() if np.isfinite(size)]
     if explanation.names.isdisjoint(unnamed) or not laws:
         return 1.0
     more = max(explanation.likelihood.log_likelihood - named.likelihood.log_likelihood, 0.0)

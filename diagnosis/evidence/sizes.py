@@ -64,30 +64,9 @@ class Sizes:
         return float(np.hypot.reduce([self.discrepancy, *instead]))
 
     def to_exceed(self, name: str) -> float:
-        """Size an effect has to exceed: the unexplained part, and the largest error of the law of another effect."""
-        others = (size for other, size in self.laws.items() if other != name)
+        """Size an effect has to exceed: the unexplained part, and a hundredth of the largest other effect."""
+        others = (size for other, size in self.effects.items() if other != name)
         return max(self.unexplained, INEXACT * max(others, default=0.0))
-
-    @cached_property
-    def laws(self) -> dict[str, float]:
-        """Size of the law of each effect: a hundredth of it is its error.
-
-        It is the change by the effect or, if that is less, by its parameters as large as they are. The two are equal
-        for friction. But without its saturation a servo would move elsewhere, while an error of its limit is small.
-        """
-        if self.here is None:
-            return self.effects
-        found = dict(self.effects)
-        for name, change in self.effects.items():
-            places = [k for k, place in enumerate(self.fit.free) if self._owner(place) == name]
-            values = np.array([self.fit.model.values[self.fit.free[k]] for k in places], dtype=float)
-            if places and np.isfinite(change):
-                found[name] = min(change, float(np.linalg.norm(self._triangle[:, places] * values)))
-        return found
-
-    def _owner(self, place: int) -> str:
-        """The effect of a parameter."""
-        return self.fit.model.names[place].split(".")[0]
 
     @cached_property
     def effects(self) -> dict[str, float]:
@@ -118,7 +97,7 @@ class Sizes:
 
     def _apart(self, name: str, without: frozenset[str]) -> tuple[Array, Array]:
         """Change by an effect, and the Jacobian of the parameters that may absorb it, both reduced to F + E rows."""
-        owners = [self._owner(place) for place in self.fit.free]
+        owners = [self.fit.model.names[place].split(".")[0] for place in self.fit.free]
         rows = [row for row, owner in enumerate(owners) if owner not in without | {name}]
         return self._triangle[:, len(owners) + list(self._changes).index(name)], self._triangle[:, rows]
 
