@@ -12,6 +12,7 @@ from plant import BadParameter, ServoModel, linearise, simulate
 from plant.discrete import sample_reading
 from plant.effects import (
     ActuatorLag,
+    Cogging,
     CoulombFriction,
     DeadZone,
     Effect,
@@ -77,12 +78,15 @@ def test_it_is_the_plant_of_the_loop(name: str) -> None:
 
 
 @pytest.mark.parametrize("slow", [InputDelay(time=0.0125), ActuatorLag(time_constant=0.02)], ids=lambda e: e.name)
+@pytest.mark.parametrize("others", [(), (DeadZone(half_width=0.5), Cogging(amplitude=0.2, order=12.0, phase=0.3))])
 @pytest.mark.parametrize("angle", [-1.0, 0.0, 0.3, 0.9])
-def test_a_load_with_friction_behind_a_slow_drive_rests(slow: Effect, angle: float) -> None:
+def test_a_load_with_friction_behind_a_slow_drive_rests(slow: Effect, others: tuple[Effect, ...], angle: float) -> None:
     friction = StribeckFriction(coulomb=0.25, excess=0.1, velocity=0.2)
-    model = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8, effects=(slow, friction))
+    model = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8, effects=(slow, *others, friction))
     torque, _ = operating_point(model, sample_time=0.005, angle=angle)
-    assert torque == pytest.approx(0.5 * np.cos(angle), abs=1e-3)
+    quick, _ = operating_point(model.without_effect(slow.name), sample_time=0.005, angle=angle)
+    assert torque == pytest.approx(quick, abs=1e-3)
+    assert others or torque == pytest.approx(0.5 * np.cos(angle), abs=1e-3)
     assert np.isfinite(linearise(model, sample_time=0.005, angle=angle, width=0.1).A).all()
 
 
