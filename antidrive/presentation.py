@@ -127,11 +127,10 @@ def _(result: RigRecord) -> Any:
     import pandas as pd
 
     alone = {name: getattr(result, name) for name in ("time", "angle", "true_angle", "velocity")}
-    each = {"torque": "torques", "contact_torque": "flank_torques", "least_contact_torque": "least_flank_torques"}
     drives = {
         f"{name}_{number}": column
-        for name, attribute in each.items()
-        for number, column in enumerate(getattr(result, attribute).T, start=1)
+        for name in ("torque", "flank_torque", "least_flank_torque")
+        for number, column in enumerate(getattr(result, f"{name}s").T, start=1)
     }
     frame = pd.DataFrame({**alone, **drives})
     frame.attrs["units"] = {"time": "s", "angle": "rad", "true_angle": "rad", "velocity": "rad/s"}
@@ -270,11 +269,8 @@ def _headline(result: Any) -> str:
         return f"{result.ends[1]}: {result.meaning}"
     if isinstance(result, ServoModel):
         return f"Servo: {', '.join(('rigid body', *(effect.title for effect in result.effects)))}"
-    return (
-        repr(result)
-        if isinstance(result, Log | ClosedLoopResult | Prediction | RigRecord)
-        else str(result).splitlines()[0]
-    )
+    in_one_line = isinstance(result, Log | ClosedLoopResult | Prediction | RigRecord)
+    return repr(result) if in_one_line else str(result).splitlines()[0]
 
 
 def report(result: Any, path: Path) -> Path:

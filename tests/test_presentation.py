@@ -250,6 +250,8 @@ def test_a_table_has_every_number_of_its_result(results):
     np.testing.assert_array_equal(move.to_frame()["torque_2"][:-1], move.torques[:, 1])
     assert np.isnan(move.to_frame()["torque_2"].iloc[-1])
     assert loops.to_frame()["inertia"].tolist() == [0.9, 1.1]
+    record = results["test bench"]
+    np.testing.assert_array_equal(record.to_frame()["least_flank_torque_2"], record.least_flank_torques[:, 1])
     assert results["lost motion"].to_frame().loc["gap_2", "value"] == 1e-3
     response, analysis = results["loop analysis"].to_frame(), results["loop analysis"]
     assert response["sensitivity"].max() == pytest.approx(analysis.peak_sensitivity, rel=0.01)

@@ -151,3 +151,11 @@ def test_an_effect_with_a_lower_likelihood_may_be_the_best(monkeypatch: pytest.M
     assert limit.fit.log_likelihood < friction.fit.log_likelihood - 100.0
     assert found.best is limit
     assert limit.log_marginal > friction.log_marginal + 100.0
+
+
+@pytest.mark.long
+def test_the_search_goes_on_from_an_effect_that_is_best_alone() -> None:
+    """Its rate limit is not among the first by its likelihood, but leads to all three."""
+    found = diagnose(drawn(101381).log)
+    assert found.verdict == "named"
+    assert {cause.effect for cause in found.causes} == {"rate_limit", "presliding_hysteresis", "cable_stiffness"}
