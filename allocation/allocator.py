@@ -137,7 +137,7 @@ class Allocator:
         """Share one torque at one acceleration.
 
         Args:
-            torque: on the joint (follower) [N m]; on several joints (n,).
+            torque: on the joint (output gear) [N m]; on several joints (n,).
             acceleration: of the joint [rad/s^2]; of several joints (n,).
             before: the result of the previous step, reference of the rate limits. None: no rate limits.
             dt: the step [s]; required with `before`.

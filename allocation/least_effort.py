@@ -1,4 +1,4 @@
-"""The closed form of the least-effort split for two drives on one joint."""
+"""The closed form of the least-effort allocation for two drives on one joint."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def least_effort(bounds: Limits, torque: ArrayLike, acceleration: ArrayLike = 0.
 
     Args:
         bounds: of two drives on one joint: a gear train, or another structure.
-        torque: on the joint (follower) [N m], shape (...); replaced by the nearest reachable one.
+        torque: on the joint (output gear) [N m], shape (...); replaced by the nearest reachable one.
         acceleration: of the joint [rad/s^2], for the torque of the rotor inertia; broadcasts with `torque`.
         weights: w1, w2.
 

@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 class Preload:
     """How hard two drives push against each other.
 
-    The preload is defined by lambda; its torques give no follower torque. The other quantities follow from it:
+    The preload is defined by lambda; its torques give no output torque. The other quantities follow from it:
 
-        torques        xi = lambda [N1, -N2]                          (equation 3 at no follower torque)
+        torques        xi = lambda [N1, -N2]                          (equation 3 at no output torque)
         difference     d = xi1 - xi2 = lambda (N1 + N2)               (2 lambda N for equal gears)
         percent        100 d / rated torque of one drive              ("tension" of SEW)
         per mille      1000 d / rated torque of one drive
@@ -46,7 +46,7 @@ class Preload:
 
     @classmethod
     def from_difference(cls, gears: GearTrain, difference: float) -> Preload:
-        """From the difference of the two pinion torques at no follower torque [N m]."""
+        """From the difference of the two pinion torques at no output torque [N m]."""
         return cls(gears=gears, coefficient=difference / sum(gears.pinion_teeth))
 
     @classmethod
@@ -61,12 +61,12 @@ class Preload:
 
     @property
     def torques(self) -> Array:
-        """(2,) pinion torques at no follower torque [N m]."""
+        """(2,) pinion torques at no output torque [N m]."""
         return np.asarray(self.coefficient * self.gears.null_vector)
 
     @property
     def difference(self) -> float:
-        """Difference of the two pinion torques at no follower torque [N m]."""
+        """Difference of the two pinion torques at no output torque [N m]."""
         return self.coefficient * sum(self.gears.pinion_teeth)
 
     def percent(self, rated_torque: float) -> float:
@@ -77,9 +77,9 @@ class Preload:
         """The difference in per mille of the rated torque of one drive [N m], seen from the pinion."""
         return 1000 * self.difference / _rated(rated_torque)
 
-    def split(self, torque: float) -> Array:
-        """(2,) pinion torques with this preload that give a follower torque [N m], equation (3)."""
-        return self.gears.split(torque, self.coefficient)
+    def pinion_torques(self, torque: float) -> Array:
+        """(2,) pinion torques with this preload that give an output torque [N m], equation (3)."""
+        return self.gears.pinion_torques(torque, self.coefficient)
 
 
 def _rated(torque: float) -> float:

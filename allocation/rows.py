@@ -53,7 +53,7 @@ class Rows:
             lower=lower,
             upper=bounds.greatest,
             lower_names=tuple(
-                f"drive {i}: {'flank' if f else 'least'} torque" for i, f in zip(numbers, flank, strict=True)
+                f"drive {i}: {'contact' if f else 'minimum'} torque" for i, f in zip(numbers, flank, strict=True)
             ),
             upper_names=tuple(f"drive {i}: greatest torque" for i in numbers),
             projection=null_space @ null_space.T,

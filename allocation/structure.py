@@ -22,8 +22,8 @@ class Structure:
         tau = A xi,     d(phi)/dt = A' d(theta)/dt
 
     with joint torques tau (n,), drive torques xi (m,), joint angles theta (n,) and drive angles phi (m,). For two
-    pinions on one follower these are equations (2) and (1) of the drive/anti-drive paper. The second follows from the
-    first because the gear meshes are lossless.
+    pinions on one output gear these are equations (2) and (1) of the drive/anti-drive paper. The second follows from
+    the first because the gear meshes are lossless.
 
     Attributes:
         A: (n, m) torque on each joint for one newton metre of each drive.

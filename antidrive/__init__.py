@@ -6,10 +6,10 @@
     print(found)
     found.report("report.html")
     found.extended.save("model.json")           # the model with that effect; ad.read_model("model.json").model is it
-    gears = ad.GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
+    gears = ad.GearTrain(pinion_teeth=(20, 20), output_teeth=161)
     controller = ad.Controller(found.extended.model, gears)
     loop = ad.closed_loop(controller, ad.Rig.paper_like(), 0.2, duration=1.0, seed=0)
-    print(loop.tracking_rms, loop.least_flank_torque)
+    print(loop.tracking_rms, loop.minimum_contact_torque)
 
 A log is a path, a DataFrame, arrays by name, or an `ad.Log`, which also takes other names and units; `ad.read_log`
 reads a log.toml of `antidrive inspect`. Everything here

@@ -82,8 +82,8 @@ class ClosedLoopRun(Drawn):
             "tracking_rms": r.tracking_rms,
             "largest_error": float(np.max(np.abs(r.angle - r.reference))),
             "final_error": float(np.mean((r.angle - r.reference)[-20:])),
-            "least_preload_margin": float(np.min(r.flank_torques[kept])) if kept.stop else None,
-            "contact_lost": bool(np.min(r.flank_torques) <= 0.0),
+            "least_preload_margin": float(np.min(r.contact_torques[kept])) if kept.stop else None,
+            "contact_lost": bool(np.min(r.contact_torques) <= 0.0),
             "copper_loss": r.copper_loss,
             "samples": int(r.time.size),
             "degraded_samples": r.degraded,
@@ -91,12 +91,12 @@ class ClosedLoopRun(Drawn):
         if self.scenario.drive_loss is not None:
             found |= self._loss(kept.stop)
         if self.single is not None:
-            alone = self.single.flank_torques[:, 0]
-            found["samples_without_contact"] = int(np.sum(np.any(r.flank_torques <= 0.0, axis=1)))
+            alone = self.single.contact_torques[:, 0]
+            found["samples_without_contact"] = int(np.sum(np.any(r.contact_torques <= 0.0, axis=1)))
             found["single_drive"] = {
                 "tracking_rms": self.single.tracking_rms,
                 "samples_without_contact": int(np.sum(alone == 0.0)),
-                "impact_on_far_flank": float(max(-np.min(alone), 0.0)),
+                "impact_on_opposite_flank": float(max(-np.min(alone), 0.0)),
             }
         return found
 
@@ -132,7 +132,7 @@ class ClosedLoopRun(Drawn):
         ]
         margin = s["least_preload_margin"]
         if self.result.torques.shape[1] == 1:
-            apart = int(np.sum(self.result.flank_torques <= 0.0))
+            apart = int(np.sum(self.result.contact_torques <= 0.0))
             lines.append(f"A single drive has no preload: contact is lost in {apart} of {s['samples']} samples.")
         elif margin is not None:
             held = "contact was never lost" if margin > 0.0 else "contact was lost"
@@ -152,7 +152,7 @@ class ClosedLoopRun(Drawn):
                 f"{s['backlash_control']}."
             )
         if self.single is not None:
-            impact = texts["impact_on_far_flank_single_drive"]
+            impact = texts["impact_on_opposite_flank_single_drive"]
             lines.append(
                 f"Contact is lost in {texts['samples_without_contact']} samples with both drives and in "
                 f"{texts['samples_without_contact_single_drive']} samples with one. One drive hits the opposite flank "
@@ -215,7 +215,7 @@ def loop_figure(
         errors.append(("angle, one drive", BEFORE, single.angle - single.reference))
     torques, flanks = (
         [(f"drive {i + 1}", (SECOND, THIRD)[i], column) for i, column in enumerate(both.T)]
-        for both in (result.torques, result.flank_torques)
+        for both in (result.torques, result.contact_torques)
     )
     return traces_figure(
         result.time,
@@ -232,7 +232,7 @@ def loop_figure(
 def loop_sentences(result: ClosedLoopResult) -> list[str]:
     """Results of a loop, in sentences."""
     _, rad, _, newton = axis_quantities(result.axis)
-    least, optimal = result.least_flank_torque, result.time.size - result.degraded
+    least, optimal = result.minimum_contact_torque, result.time.size - result.degraded
     contact = f"minimum contact torque {least:.3g} {newton}" if least > 0.0 else "contact was lost"
     return [
         f"Tracking error {result.tracking_rms:.3g} {rad} rms; {contact}.",

@@ -35,15 +35,15 @@ def collinear_share(kind: type[Effect], other: type[Effect]) -> float | None:
             left = _beyond(on, _signature(effect, on))
             torque, measurement = (each[:, None] for each in on.score(left[:, 0]))
             motion = replace(on.motion, score=torque, reading_score=measurement, chance=on.chance)
-            shapes = ((shape.columns, shape.acts_on == "reading") for shape in other.traces(motion))
-            seen = (_beyond(on, on.response(columns, on_reading=measurement)) for columns, measurement in shapes)
+            shapes = ((shape.columns, shape.acts_on == "measurement") for shape in other.regressors(motion))
+            seen = (_beyond(on, on.response(columns, on_measurement=sensor)) for columns, sensor in shapes)
             return max((_explained(left, each) for each in seen), default=None)
     return None
 
 
 def _signature(effect: Effect, on: StandardExcitation) -> Array:
     """(T, 1) response of the measurement to an effect, to first order [rad]."""
-    return on.response(added_torque(effect, on)[:, None], on_reading=effect.stage is Stage.SENSOR)
+    return on.response(added_torque(effect, on)[:, None], on_measurement=effect.stage is Stage.SENSOR)
 
 
 def added_torque(effect: Effect, on: StandardExcitation) -> Array:

@@ -89,7 +89,7 @@ class Demo:
             if gain is None
             else {"rms_before": gain.held_out_rms_before, "rms_after": gain.held_out_rms_after, "cut": gain.cut},
             "tracking": {"rms_before": before, "rms_after": after, "cut": 1.0 - after / before},
-            "least_preload_margin": self.extended.result.least_flank_torque,
+            "least_preload_margin": self.extended.result.minimum_contact_torque,
         }
 
     def sentences(self) -> list[str]:

@@ -30,19 +30,19 @@ def allocate(
     unit = "N" if known is not None and known.model.axis == "linear" else "N m"
     train, assumed = drives(options, known)
     allocator = Allocator(train, **{**LIMITS, **controller_numbers(options)})
-    splits = [(torque, allocator.allocate(torque)) for torque in torques]
+    allocations = [(torque, allocator.allocate(torque)) for torque in torques]
     content = [
         {
             "torque": torque,
-            "torques": split.torques,
-            "preload": split.preload,
-            "margin": split.margin,
-            "copper_loss": split.copper_loss,
-            "missing_torque": split.missing_torque,
-            "binding": split.binding,
-            "status": split.status,
+            "torques": found.torques,
+            "preload": found.preload,
+            "margin": found.margin,
+            "copper_loss": found.copper_loss,
+            "missing_torque": found.missing_torque,
+            "binding": found.binding,
+            "status": found.status,
         }
-        for torque, split in splits
+        for torque, found in allocations
     ]
     pinions = [f"drive {number}" for number in range(1, train.drives + 1)]
     columns = ("torque", *pinions, "margin", "copper loss", "status")
@@ -54,14 +54,14 @@ def allocate(
             f"{s.copper_loss:.6f}",
             s.status.split(":")[0],
         )
-        for torque, s in splits
+        for torque, s in allocations
     ]
     units = (unit, *("N m" for _ in pinions), "N m", "N² m²", "")
     widths = [max(len(row[place]) for row in (columns, units, *rows)) for place in range(len(columns))]
     lines = ["  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in (columns, units, *rows)]
-    why = [f"{torque:.4g} {unit} is {s.status}." for torque, s in splits if ":" in s.status]
+    why = [f"{torque:.4g} {unit} is {s.status}." for torque, s in allocations if ":" in s.status]
     lines += [textwrap.fill(line, 80, subsequent_indent="  ") for line in why]
-    console.result("\n".join([*lines, *assumed]), {"unit": unit, "splits": content, "gears": str(train)})
+    console.result("\n".join([*lines, *assumed]), {"unit": unit, "allocations": content, "gears": str(train)})
 
 
 def capability(

@@ -62,7 +62,7 @@ def loop_with_drive_loss(
         control = controller.step(measured, wanted[k : k + ahead + 1], shown)
         applied, stated, margin = control.torques, control.status, control.margin
         if k >= known_from:
-            alone = left.allocate(float(rig.gears.follower_torque(applied)))
+            alone = left.allocate(float(rig.gears.output_torque(applied)))
             applied, stated, margin = alone.torques, alone.status, alone.margin
         elif k >= broken_from:
             applied = applied * alive
@@ -70,7 +70,7 @@ def loop_with_drive_loss(
             rows[name].append(value)
         state = rig.advance(state, applied, dt, float(push))
         torques.append(applied)
-        flanks.append(state.least_flank_torques)
+        flanks.append(state.minimum_contact_torques)
         status.append(stated)
         if after_sample is not None:
             after_sample()
@@ -84,7 +84,7 @@ def loop_with_drive_loss(
         torques=np.array(torques),
         disturbance=columns["unknown"],
         margin=columns["margin"],
-        flank_torques=np.array(flanks),
+        contact_torques=np.array(flanks),
         status=tuple(status),
         axis=controller.model.axis,
     )

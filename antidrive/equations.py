@@ -73,7 +73,7 @@ def kinks(effect: Effect) -> tuple[str, ...]:
         law.load_torque(at, state),
         law.added_inertia(at),
         law.slide(state, w),
-        law.reading(x, state),
+        law.measurement(x, state),
         law.advance_sensor(state, x, v, w, _STEP),
     ]
     built = ca.Function("law", [x, v, w, torque, state, time, *symbols], [ca.vertcat(*parts)])

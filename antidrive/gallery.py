@@ -48,7 +48,7 @@ def facts(kind: type[Effect]) -> dict[str, Any]:
         "stage": kind.stage.value,
         "about": " ".join(paragraphs(kind)),
         "equation": kind.equation,
-        "trace": kind.trace,
+        "signature": kind.signature,
         "parameters": [
             {
                 "name": spec.name,
@@ -67,7 +67,7 @@ def facts(kind: type[Effect]) -> dict[str, Any]:
 
 def table(effects: Mapping[str, type[Effect]] = catalogue) -> str:
     """Name, stage and signature of each effect, one per line."""
-    rows = [(kind.name, kind.stage.value, kind.trace) for kind in effects.values()]
+    rows = [(kind.name, kind.stage.value, kind.signature) for kind in effects.values()]
     wide = [max(len(row[place]) for row in rows) for place in (0, 1)]
     left = sum(wide) + 4
     lines = [f"{name:<{wide[0]}}  {stage:<{wide[1]}}  {has_signature}" for name, stage, has_signature in rows]
@@ -79,7 +79,7 @@ def sheet(kind: type[Effect]) -> str:
     lines = [f"{sentence_case(kind.title)} ({kind.stage.value})", *paragraphs(kind), f"  equation: {kind.equation}"]
     for spec in kind.parameters():
         lines.append(f"  {spec.name} [{units(kind, spec)}], {bounds(spec)}: {spec.meaning}")
-    lines.append(f"  shows as: {kind.trace}")
+    lines.append(f"  shows as: {kind.signature}")
     for label, names in (("confused with", kind.confused_with), ("contains", kind.contains)):
         if names:
             lines.append(f"  {label}: {', '.join(names)}")
@@ -126,7 +126,7 @@ def _entry(kind: type[Effect], effects: Mapping[str, type[Effect]]) -> dict[str,
         "stage": kind.stage.value,
         "equation": typeset(kind.equation),
         "about": [_with_code(part) for part in paragraphs(kind)],
-        "trace": kind.trace,
+        "signature": kind.signature,
         "parameters": [
             (spec.name.replace("_", " "), spec.meaning, units(kind, spec), bounds(spec)) for spec in kind.parameters()
         ],
@@ -144,7 +144,7 @@ def _confounded(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
     return {
         "name": other.name,
         "title": sentence_case(other.title),
-        "trace": other.trace,
+        "signature": other.signature,
         "share": "" if share is None else percent(share),
     }
 

@@ -150,7 +150,7 @@ def _draw_loop(found: ClosedLoopResult, axes: Any) -> None:
     axes[0].plot(found.time, found.reference, color=MEASURED, lw=2.5, label="reference")
     axes[0].plot(found.time, found.angle, color=AFTER, lw=1.0, label=angle)
     axes[1].plot(found.time, found.angle - found.reference, color=AFTER, lw=0.8)
-    for at, both in ((2, found.torques), (3, found.flank_torques)):
+    for at, both in ((2, found.torques), (3, found.contact_torques)):
         for number, (colour, course) in enumerate(zip((SECOND, THIRD), both.T, strict=False), start=1):
             axes[at].plot(found.time, course, color=colour, lw=0.8, label=f"drive {number}")
     axes[3].axhline(0.0, color=MEASURED, ls=":", lw=0.8)
@@ -171,7 +171,7 @@ def _draw_record(found: RigRecord, axes: Any) -> None:
     axes[0].plot(found.time, found.angle, color=MEASURED, lw=2.5, label="measured")
     axes[0].plot(found.time, found.true_angle, color=AFTER, lw=1.0, label="true")
     axes[0].legend(frameon=False)
-    for ax, both in ((axes[1], found.torques), (axes[2], found.least_flank_torques)):
+    for ax, both in ((axes[1], found.torques), (axes[2], found.minimum_contact_torques)):
         for number, (colour, course) in enumerate(zip((SECOND, THIRD), both.T, strict=False), start=1):
             ax.plot(found.time, course, color=colour, lw=0.8, label=f"drive {number}")
     axes[1].legend(frameon=False)
@@ -204,7 +204,7 @@ def _draw_trajectory(found: Trajectory, axes: Any) -> None:
 
 def _draw_sweep(found: Sweep, axes: Any) -> None:
     """One point for each loop: its contact torque over its error."""
-    axes[0].plot(found.tracking_rms, found.least_flank_torque, ".", color=AFTER)
+    axes[0].plot(found.tracking_rms, found.minimum_contact_torque, ".", color=AFTER)
     axes[0].axhline(0.0, color=MEASURED, ls=":", lw=0.8)
     _label(axes[0], x="tracking error [rad rms]", y="minimum contact torque [N m]")
 

@@ -41,7 +41,7 @@ def read_effects(path: Path) -> tuple[type[Effect], ...]:
 
 
 def _check(path: Path, kind: type[Effect]) -> None:
-    missing = [what for what in ("name", "title", "stage", "equation", "trace") if not hasattr(kind, what)]
+    missing = [what for what in ("name", "title", "stage", "equation", "signature") if not hasattr(kind, what)]
     if missing:
         raise BadParameter(f"--effects {path}: {kind.__name__} does not say its {', '.join(missing)}.")
     if not isinstance(kind.stage, Stage):

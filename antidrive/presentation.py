@@ -98,7 +98,7 @@ def _(result: ClosedLoopResult) -> Any:
         f"measured_{angle}": result.measured_angle,
         "velocity": result.velocity,
         **{f"torque_{i}": torque for i, torque in zip(drives, result.torques.T, strict=True)},
-        **{f"flank_torque_{i}": torque for i, torque in zip(drives, result.flank_torques.T, strict=True)},
+        **{f"contact_torque_{i}": torque for i, torque in zip(drives, result.contact_torques.T, strict=True)},
         "disturbance_estimate": result.disturbance,
         "status": result.status,
     }
@@ -108,7 +108,7 @@ def _(result: ClosedLoopResult) -> Any:
         **dict.fromkeys(("reference", angle, f"measured_{angle}"), length),
         "velocity": f"{length}/s",
         **{f"torque_{i}": "N m" for i in drives},
-        **{f"flank_torque_{i}": newton for i in drives},
+        **{f"contact_torque_{i}": newton for i in drives},
         "disturbance_estimate": newton,
     }
     return frame
@@ -129,7 +129,7 @@ def _(result: RigRecord) -> Any:
     alone = {name: getattr(result, name) for name in ("time", "angle", "true_angle", "velocity")}
     drives = {
         f"{name}_{number}": column
-        for name in ("torque", "flank_torque", "least_flank_torque")
+        for name in ("torque", "contact_torque", "minimum_contact_torque")
         for number, column in enumerate(getattr(result, f"{name}s").T, start=1)
     }
     frame = pd.DataFrame({**alone, **drives})
@@ -168,7 +168,7 @@ def _(result: Sweep) -> Any:
     """One row per loop, with the factors of the machine that were drawn."""
     import pandas as pd
 
-    names = ("tracking_rms", "least_flank_torque", "degraded", "copper_loss")
+    names = ("tracking_rms", "minimum_contact_torque", "degraded", "copper_loss")
     drawn = dict(zip(result.names, result.factors.T, strict=True)) if isinstance(result, MonteCarlo) else {}
     frame = pd.DataFrame({**{name: getattr(result, name) for name in names}, **drawn})
     frame.attrs["units"] = dict(zip(names, ("rad", "N m", "samples", "N^2 m^2"), strict=True))

@@ -127,7 +127,7 @@ def loop_page(result: ClosedLoopResult, provenance: Provenance) -> str:
     numbers = [
         ("tracking rms", f"{result.tracking_rms:.4g} {length}"),
         ("largest error", f"{float(np.max(np.abs(error))):.4g} {length}"),
-        ("minimum contact torque", f"{result.least_flank_torque:.4g} {newton}"),
+        ("minimum contact torque", f"{result.minimum_contact_torque:.4g} {newton}"),
         ("copper-loss index", f"{result.copper_loss:.4g} N² m²"),
     ]
     content = {"title": title, "note": "", "sentences": loop_sentences(result), "figure": loop_figure(result)}

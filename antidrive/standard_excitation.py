@@ -88,9 +88,9 @@ class StandardExcitation:
             torque = np.array(effect.command(ca.DM(torque), 0.0, 0.0)).ravel()
         return torque
 
-    def response(self, columns: Array, *, on_reading: bool) -> Array:
+    def response(self, columns: Array, *, on_measurement: bool) -> Array:
         """(T, m) response of the measurement to small torques or measurement errors (T, m), to first order [rad]."""
-        return -self._linear.response(columns, on_reading=on_reading)
+        return -self._linear.response(columns, on_measurement=on_measurement)
 
     def score(self, signature: Array) -> tuple[Array, Array]:
         """(T,) gradient of the fit to a signature (T,) by a torque, and by a measurement error, at each sample."""

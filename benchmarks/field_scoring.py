@@ -29,7 +29,7 @@ SURE = 0.9
 TELLING = 60.0
 SMALL = 0.003  # fraction of the torque
 NO_TORQUE = {
-    *("input_delay", "actuator_lag", "rate_limit", "goal_rate_limit"),
+    *("input_delay", "actuator_lag", "rate_limit", "setpoint_rate_limit"),
     *("compliance", "backlash", "encoder_eccentricity", "sensor_lag", "torque_measurement_lag"),
 }
 PARTS: dict[str, tuple[str, ...]] = {
@@ -45,7 +45,7 @@ _OVER: tuple[tuple[set[str], tuple[str, ...]], ...] = (
     ({"angle"}, ("gravity_offset", "cable_stiffness", "cogging", "encoder_eccentricity", "end_stop")),
     ({"time"}, ("periodic_disturbance", "payload_change")),
     ({"torque", "lagged torque"}, ("input_delay", "actuator_lag", "sensor_lag", "compliance", "backlash")),
-    ({"torque", "lagged torque"}, ("rate_limit", "goal_rate_limit", "torque_saturation")),
+    ({"torque", "lagged torque"}, ("rate_limit", "setpoint_rate_limit", "torque_saturation")),
     ({"velocity", "angle", "travel since reversal"}, ("presliding_hysteresis",)),
     ({"velocity", "torque"}, ("load_dependent_friction", "back_emf")),
     ({"time", "velocity"}, ("friction_drift",)),

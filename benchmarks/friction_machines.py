@@ -21,7 +21,7 @@ from plant.effects import (
 )
 
 Array = NDArray[np.float64]
-GEARS = GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
+GEARS = GearTrain(pinion_teeth=(20, 20), output_teeth=161)
 MIN_TORQUE, MAX_TORQUE = 0.02, 0.3
 GREATEST = 161 / 20 * (MAX_TORQUE - MIN_TORQUE)  # at the load [N m]
 INERTIAS, SAMPLE_TIMES, BITS = (0.02, 0.2, 2.0), (0.001, 0.002, 0.005), (13, 17, 20)
@@ -200,10 +200,10 @@ def score(axis: Axis, controller: Any, task: Task, seed: int) -> Score:
     tracked = controller if task.announced else Surprised(controller)
     loop = closed_loop(tracked, axis.rig(), task.reference, task.duration, seed, disturbance=moving * task.push(time))
     counts = task.counts(loop.time)
-    torque = GEARS.follower_torque(loop.torques)
+    torque = GEARS.output_torque(loop.torques)
     return Score(
         rms=float(np.sqrt(np.mean((loop.angle - loop.reference)[counts] ** 2))),
-        flank=loop.least_flank_torque,
+        flank=loop.minimum_contact_torque,
         chatter=float(np.std(np.diff(torque)[counts[1:]])),
         degraded=loop.degraded / loop.time.size,
     )

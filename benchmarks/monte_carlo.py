@@ -75,12 +75,12 @@ def row(share: float, least: float, rotors: bool, runs: int, executor: Executor 
         design, RIG, swing(acceleration), DURATION, runs=runs, spread=SPREAD, executor=executor, progress=tell
     )
     taken = time.perf_counter() - begin
-    own = least - nominal.least_flank_torque
+    own = least - nominal.minimum_contact_torque
     fastest = acceleration if share < GOVERNED else catching_up(floor)
     predicted = SPREAD * (ROTOR * fastest + float(GEARS.ratio) * RIG.motor_coulomb) + own
     planned = "flank torque" if rotors else "motor torque"
     rms = np.percentile(found.tracking_rms, [50, 99]) * 1e3
-    worst, foreseen = least - found.least_flank_torque.min(), f"{predicted:8.2f}" if rotors else f"{'-':>8s}"
+    worst, foreseen = least - found.minimum_contact_torque.min(), f"{predicted:8.2f}" if rotors else f"{'-':>8s}"
     lost, degraded = int(found.contact_lost.sum()), int(found.degraded.sum())
     line = (
         f"{share:5.2f} {acceleration:5.1f} {least:6.2f}  {planned}  {lost:6d} of {runs:5d} {least - worst:7.2f} "
@@ -92,7 +92,7 @@ def row(share: float, least: float, rotors: bool, runs: int, executor: Executor 
 def why(found: MonteCarlo) -> str:
     """Parameters with the highest rank correlation with the minimum flank torque."""
     ranks = np.argsort(np.argsort(found.factors, axis=0), axis=0)
-    own = np.argsort(np.argsort(found.least_flank_torque))
+    own = np.argsort(np.argsort(found.minimum_contact_torque))
     with_it = {name: np.corrcoef(r, own)[0, 1] for name, r in zip(found.names, ranks.T, strict=True)}
     first = sorted(with_it.items(), key=lambda pair: -abs(pair[1]))[:3]
     return "goes with " + ", ".join(f"{name.replace('_', ' ')} {value:+.2f}" for name, value in first)

@@ -54,7 +54,7 @@ def timed(horizon: int, options: dict[str, Any]) -> tuple[Array, int, int]:
             times.append(time.perf_counter() - begin)
             pushed += bool(np.any(controller._arrays["forces"].reshape(horizon, -1)[:, 1:]))
             degraded += control.status != "optimal"
-            torque = float(GEARS.follower_torque(control.torques))
+            torque = float(GEARS.output_torque(control.torques))
             inputs = np.array([torque, last, 0.0, np.inf, 0.0, SAMPLE_TIME, 0.0, 0.0])
             state, last = np.asarray(step(state, inputs, PAPER.values))[:, 0], torque
     return np.array(times), pushed, degraded
@@ -66,9 +66,9 @@ def kept(options: dict[str, Any]) -> str:
     for reference in REFERENCES:
         loop = closed_loop(Controller(OF_RIG, GEARS, min_torque=0.05, **options), RIG, reference, 6.0, seed=0)
         angle, speed = max(angle, float(np.max(np.abs(loop.angle)))), max(speed, float(np.max(np.abs(loop.velocity))))
-        torque = GEARS.follower_torque(loop.torques)
+        torque = GEARS.output_torque(loop.torques)
         rate = max(rate, float(np.max(np.abs(np.diff(torque)))) / SAMPLE_TIME)
-        flank, degraded = min(flank, loop.least_flank_torque), degraded + loop.degraded
+        flank, degraded = min(flank, loop.minimum_contact_torque), degraded + loop.degraded
     return f"{angle:14.6f}{speed:14.5f}{rate:12.1f}{flank:12.3f}{degraded:10d}"
 
 

@@ -58,7 +58,7 @@ def closed_loop(controller: Controller, model: ServoModel, reference: Callable[[
         degraded += control.status != "optimal"
         low, high = controller.min_torque - np.abs(control.torques), np.abs(control.torques) - controller.max_torque
         beyond = max(beyond, float(np.max(low)), float(np.max(high)))
-        torque = float(GEARS.follower_torque(control.torques))
+        torque = float(GEARS.output_torque(control.torques))
         cost += (state[0] - wanted[k]) ** 2 + controller._rate_weight * (torque - last) ** 2
         last = torque
         inputs = np.array([torque, torque, 0.0, np.inf, 0.0, SAMPLE_TIME, 0.0, 0.0])

@@ -65,7 +65,7 @@ def recorded(horizon: int) -> np.ndarray:
         for k in range(STEPS):
             preview = wanted[k : k + horizon + 1]
             rows.append([state[0], *preview])
-            torque = float(GEARS.follower_torque(controller.step(state[0], preview).torques))
+            torque = float(GEARS.output_torque(controller.step(state[0], preview).torques))
             inputs = np.array([torque, torque, 0.0, np.inf, 0.0, SAMPLE_TIME, 0.0, 0.0])
             state = np.asarray(step(state, inputs, PAPER.values))[:, 0]
     return np.array(rows)

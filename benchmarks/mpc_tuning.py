@@ -44,8 +44,8 @@ def row(bandwidth: float, rate: float) -> str:
     rest = closed_loop(fresh(), RIG, 0.3, 2.0, seed=0)
     errors = [1e6 * np.sqrt(np.mean((each.angle - each.reference)[SETTLED:] ** 2)) for each in (swung, rubbed)]
     peak = 1e6 * np.max(np.abs(pushed.angle[200:] - 0.3))
-    shaking = np.std(np.diff(GEARS.follower_torque(rest.torques))[200:])
-    flank = min(each.least_flank_torque for each in (swung, rubbed, pushed, rest))
+    shaking = np.std(np.diff(GEARS.output_torque(rest.torques))[200:])
+    flank = min(each.minimum_contact_torque for each in (swung, rubbed, pushed, rest))
     margins = f"{loop.phase_margin:9.1f}{loop.peak_sensitivity:7.2f}{1e3 * loop.delay_margin:8.1f}"
     return (
         f"{bandwidth:10.1f}{rate:10.0f}{margins}{errors[0]:10.1f}{errors[1]:12.1f}{peak:10.1f}"

@@ -38,8 +38,8 @@ def seconds(machines: int) -> tuple[float, float]:
     """Time to simulate DURATION on that many machines, each with a different backlash [s]: wall clock, processor."""
     rng = np.random.default_rng(0)
     rigs = [Rig.paper_like(**FULL, backlash=float(gap)) for gap in rng.uniform(2e-4, 4e-3, machines)]
-    follower = 2.0 * np.sin(2 * np.pi * 0.5 * np.arange(round(DURATION / SAMPLE_TIME)) * SAMPLE_TIME)
-    torques = np.repeat(rigs[0].gears.split(follower, 0.005)[:, None], machines, axis=1)
+    output_torque = 2.0 * np.sin(2 * np.pi * 0.5 * np.arange(round(DURATION / SAMPLE_TIME)) * SAMPLE_TIME)
+    torques = np.repeat(rigs[0].gears.pinion_torques(output_torque, 0.005)[:, None], machines, axis=1)
     fleet, begin, worked = Fleet(rigs), time.perf_counter(), time.process_time()
     record = fleet.run(torques, SAMPLE_TIME, range(machines))
     taken = time.perf_counter() - begin, time.process_time() - worked

@@ -39,7 +39,7 @@ class Hidden(Effect):
     """A law with one size."""
 
     equation = ""
-    trace = ""
+    signature = ""
     stage = Stage.LOAD
 
     size: float = parameter("-", "size", lower=0.0)
@@ -89,7 +89,7 @@ class Disc(Hidden):
     name = title = "encoder error of three harmonics"
     stage = Stage.SENSOR
 
-    def reading(self, angle: Expression, state: Expression) -> Expression:
+    def measurement(self, angle: Expression, state: Expression) -> Expression:
         return angle + self.size * (ca.sin(angle) + 0.6 * ca.cos(2 * angle) + 0.3 * ca.sin(3 * angle))
 
 
@@ -139,7 +139,7 @@ def recorded(cause: Hidden, seed: int, duration: float) -> Log:
     """A log of the true model, with noise and the quantisation of a 17-bit encoder."""
     command = excitation(seed, duration=duration)
     moved = simulate(truth(cause), command=command, dt=SAMPLE_TIME, substeps=5)[: command.size, 0]
-    seen = np.array([float(cause.reading(angle, 0.0)) for angle in moved])
+    seen = np.array([float(cause.measurement(angle, 0.0)) for angle in moved])
     noisy = seen + NOISE * np.random.default_rng(seed).standard_normal(command.size)
     count = 2.0 * np.pi / COUNTS
     run = Run(

@@ -86,7 +86,7 @@ def identifiability_warnings(fit: Fit, extended: Fit | None = None) -> tuple[str
         return (still,)
     screen = Screen.of(fit)
     motion, columns = screen.motion, _columns(screen.motion, fit)
-    shown = response(screen.filters, np.column_stack(list(columns.values())), on_reading=False)
+    shown = response(screen.filters, np.column_stack(list(columns.values())), on_measurement=False)
     seen = dict(zip(columns, screen.nuisance.beyond_initial_states(shown).T, strict=True))
     weights = {"inertia": _rms(motion.acceleration), "viscous": _rms(motion.velocity)}
     limit, reasons = _rms(motion.torque) / (_SIGNIFICANT * fit.noise_std), _reasons(fit)

@@ -48,14 +48,14 @@ class Linear:
     weight: Array
     colour: tuple[float, ...] = ()
 
-    def response(self, columns: Array, *, on_reading: bool = False) -> Array:
+    def response(self, columns: Array, *, on_measurement: bool = False) -> Array:
         """(T, M) change of the innovations by torques (T, M), or by errors of the measurement."""
-        path = self.by_measurement if on_reading else self.by_torque
+        path = self.by_measurement if on_measurement else self.by_torque
         found = np.empty(columns.shape)
         for first in range(0, columns.shape[1], AT_ONCE):
             some = slice(first, first + AT_ONCE)
             found[:, some] = follow(self.closed_loop, path, self.seen, columns[:, some])
-        if on_reading:
+        if on_measurement:
             found += columns
         found *= -self.weight[:, None]
         return whiten(found, np.array(self.colour)) * self.weight[:, None] if self.colour else found
@@ -82,9 +82,9 @@ class InverseLinear:
 
     weight: Array
 
-    def response(self, columns: Array, *, on_reading: bool = False) -> Array:
+    def response(self, columns: Array, *, on_measurement: bool = False) -> Array:
         """(T, M) change of the innovations by torques (T, M); the motion is given without error."""
-        return np.zeros_like(columns) if on_reading else self.weight[:, None] * columns
+        return np.zeros_like(columns) if on_measurement else self.weight[:, None] * columns
 
     def score(self, innovations: Array) -> tuple[Array, Array]:
         """(T, M) see the function `score`."""
@@ -127,10 +127,10 @@ def _side_by_side(n: int) -> Any:
     return ca.Function("side_by_side", [z, row], [following, ca.mtimes(seen.T, z)])
 
 
-def response(runs: tuple[Filter, ...], columns: Array, *, on_reading: bool) -> Array:
+def response(runs: tuple[Filter, ...], columns: Array, *, on_measurement: bool) -> Array:
     """(T, M) change of the innovations of all runs by torques (T, M), or by errors of the measurement."""
     pieces = np.split(columns, np.cumsum([linear.weight.size for linear in runs])[:-1])
-    parts = [linear.response(piece, on_reading=on_reading) for linear, piece in zip(runs, pieces, strict=True)]
+    parts = [linear.response(piece, on_measurement=on_measurement) for linear, piece in zip(runs, pieces, strict=True)]
     return parts[0] if len(parts) == 1 else np.vstack(parts)
 
 

@@ -22,7 +22,7 @@ from plant.servo import ServoModel
 def motion_of(
     fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth: float, scores: tuple[Array, Array]
 ) -> Motion:
-    """The model's motion, from which effects calculate their traces.
+    """The model's motion, from which effects calculate their regressors.
 
     The torque of a position servo is calculated from its measurement and from the speed of this motion. A derivative of
     the measurement would contain the noise of later samples and could explain it.

@@ -82,7 +82,7 @@ def effect(kind: type[Effect]) -> str:
     scrolled = f'<div style="overflow: auto hidden">{typeset(kind.equation)}</div>'  # on a phone, not the whole page
     lines = [f"### {sentence_case(kind.title)} {{ #{kind.name} }}", scrolled]
     lines += [str(escape(part)).replace("&#39;", "'") for part in paragraphs(kind)]
-    lines += [f"Shows as: {escape(kind.trace)}.", "| `" + kind.name + "` | unit | bounds | |\n|---|---|---|---|"]
+    lines += [f"Shows as: {escape(kind.signature)}.", "| `" + kind.name + "` | unit | bounds | |\n|---|---|---|---|"]
     lines[-1] += "".join(
         f"\n| `{spec.name}` | {units(kind, spec)} | {bounds(spec)} | {spec.meaning} |" for spec in kind.parameters()
     )

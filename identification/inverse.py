@@ -214,7 +214,7 @@ def _passive(structure: Structure) -> Any:
 
 def _true_angle(model: ServoModel, measured: Array) -> Array:
     """(T,) true angle for a measured angle (T,) of a sensor with a small error; sensor lag is not corrected."""
-    if all(effect.states or type(effect).reading is Effect.reading for effect in model.effects):
+    if all(effect.states or type(effect).measurement is Effect.measurement for effect in model.effects):
         return measured  # no static sensor error
     shown = _shown(Structure(model))((), measured[:, None], model.values)[1][0][:, 0]
     return np.asarray(measured - (shown - measured))
@@ -227,5 +227,5 @@ def _shown(structure: Structure) -> Any:
     shown = angle
     for effect in structure.model.bound(parameters).effects:
         if not effect.states:
-            shown = effect.reading(shown, 0.0)
+            shown = effect.measurement(shown, 0.0)
     return ca.Function("shown", [angle, parameters], [shown])

@@ -2,7 +2,7 @@
 
 The predictor is an observer around the step of the plant model,
 
-    e[k] = y[k] - reading(state[k]),      state[k] <- state[k] + gain * e[k],      state[k+1] = step(state[k]),
+    e[k] = y[k] - measurement(state[k]),      state[k] <- state[k] + gain * e[k],      state[k+1] = step(state[k]),
 
 with the gain of the stationary Kalman filter for a random load torque. The gain has a closed form (Kalata 1984,
 alpha-beta filter) with one parameter, here the observer bandwidth w in rad/s: the square root of the ratio of the
@@ -28,7 +28,7 @@ from identification.recording import Response
 from identification.run_parameters import own_slopes, own_values
 from plant.discrete import INPUTS, Structure, integration_steps
 from plant.effects.effect import Array
-from plant.effects.goal_rate_limit import first_goal
+from plant.effects.setpoint_rate_limit import first_setpoint
 from plant.measured_torque import supporting_points
 from plant.servo import ServoModel
 from plant.simulation import beginning, whole_samples
@@ -208,7 +208,7 @@ class Predictor:
             velocity=start[1],
             torque=first[0] - first[2] * start[0] - first[INPUTS.index("servo_damping")] * start[1],
             command=first[0],
-            goal=first_goal(run.command, run.servo_gain),
+            setpoint=first_setpoint(run.command, run.servo_gain),
         )
 
 

@@ -27,7 +27,7 @@ class Run:
     number: index of the experiment in the log, from 0 on; pieces of one experiment have the same number.
     run: label of the experiment in the run column; its number without such a column.
     time: (T,) strictly increasing [s], counted from `zero` on the recording's clock.
-    command: (T,) follower torque [N m] or force [N].
+    command: (T,) output torque [N m] or force [N].
     output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values. If only the velocity was
         logged, it is the integral of the velocity from zero on, used for starting values and never fitted.
     valid: (T,) False where the measurement is masked out of the fit.

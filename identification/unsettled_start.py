@@ -1,4 +1,4 @@
-"""Hidden initial states: the torque behind a lag, the twist of a shaft, the reading of a slow sensor.
+"""Hidden initial states: the torque behind a lag, the twist of a shaft, the measurement of a slow sensor.
 
 A run that begins at rest begins with these states settled, and that is what a fit assumes. A run that was cut out of a
 motion does not. The model's first errors are then large whatever its parameters are, and a fit would follow them. So

@@ -59,7 +59,7 @@ def check(given: Any) -> None:
     if 0.0 < given.encoder_range <= given.encoder_resolution:
         raise BadParameter(
             f"encoder_range = {given.encoder_range:g} must be above encoder_resolution = {given.encoder_resolution:g}, "
-            "or zero for an encoder whose readings go on."
+            "or zero for an encoder whose measurements go on."
         )
 
 

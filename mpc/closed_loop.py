@@ -32,12 +32,12 @@ class ClosedLoopResult(Drawn):
         torques: (T, m) pinion torques [N m].
         disturbance: (T,) disturbance torque estimated by the controller [N m].
         margin: (T,) margin predicted by the controller [N m], seen from the pinion.
-        flank_torques: (T, m) minimum contact torque of each drive during each sample on the test bench [N m], at the
+        contact_torques: (T, m) minimum contact torque of each drive during each sample on the test bench [N m], at the
             output gear; positive: contact was never lost.
         status: (T,) status of each sample.
         axis: of the machine.
         tracking_rms: root mean square of angle minus reference [rad].
-        least_flank_torque: minimum contact torque, the least of `flank_torques` [N m].
+        minimum_contact_torque: minimum contact torque, the least of `contact_torques` [N m].
         copper_loss: mean of xi1^2 + xi2^2 [N^2 m^2].
     """
 
@@ -49,7 +49,7 @@ class ClosedLoopResult(Drawn):
     torques: Array
     disturbance: Array
     margin: Array
-    flank_torques: Array
+    contact_torques: Array
     status: tuple[str, ...]
     axis: Axis = "rotary"
 
@@ -59,9 +59,9 @@ class ClosedLoopResult(Drawn):
         return float(np.sqrt(np.mean((self.angle - self.reference) ** 2)))
 
     @property
-    def least_flank_torque(self) -> float:
+    def minimum_contact_torque(self) -> float:
         """Minimum contact torque on the test bench [N m], at the output gear."""
-        return float(np.min(self.flank_torques))
+        return float(np.min(self.contact_torques))
 
     @property
     def copper_loss(self) -> float:
@@ -78,7 +78,7 @@ class ClosedLoopResult(Drawn):
         _, length, _, newton = axis_quantities(self.axis)
         duration = f"{self.time.size} samples to {self.time[-1]:.4g} s"
         found = f"tracking error {self.tracking_rms:.3g} {length} rms"
-        contact = f"minimum contact torque {self.least_flank_torque:.3g} {newton}"
+        contact = f"minimum contact torque {self.minimum_contact_torque:.3g} {newton}"
         return f"ClosedLoopResult({duration}; {found}, {contact}, {self.degraded} degraded)"
 
 
@@ -132,7 +132,7 @@ def closed_loop(
         control = controller.step(measured[k], wanted[k : k + N + 1], shown)
         state = rig.advance(state, control.torques, dt, float(pushes[k]))
         torques[k], margin[k], unknown[k] = control.torques, control.margin, control.disturbance
-        flanks[k] = state.least_flank_torques
+        flanks[k] = state.minimum_contact_torques
         status.append(control.status)
         if after_sample is not None:
             after_sample()
@@ -145,7 +145,7 @@ def closed_loop(
         torques=torques,
         disturbance=unknown,
         margin=margin,
-        flank_torques=flanks,
+        contact_torques=flanks,
         status=tuple(status),
         axis=controller.model.axis,
     )

@@ -11,7 +11,7 @@ from mpc.encoder_faults import numbers as watching
 from mpc.friction import friction_numbers
 from mpc.prepared import prepared
 from mpc.soft_limits import moved, prices
-from mpc.stage_allocation import reach, split
+from mpc.stage_allocation import allocation, reach
 from mpc.time_optimal_law import governed
 from mpc.tuning import quiet
 
@@ -31,7 +31,7 @@ def constant_numbers(made: Any, machine: Array) -> dict[str, Array]:
         "model": made.estimator.predictor.parameters,
         "stage_numbers": made.estimator.predictor.prepared,
         "reach_numbers": prepared(reach()).of(machine),
-        "split_numbers": prepared(split()).of(machine),
+        "allocation_numbers": prepared(allocation()).of(machine),
         "govern_numbers": prepared(governed(made.governor.soft is not None)).of(np.array([made.sample_time])),
         "acting": made.estimator.acting,
         "levels": made.estimator.levels,

@@ -53,7 +53,7 @@ class Controller(Remembering):
                     contact torque of each drive >= min_torque
                     |tau[k] - tau[k-1]| <= torque_rate Ts,  and as soft limits angle_limits and speed_limit
 
-    The preload lambda gives no follower torque (equation 3), so tracking depends on the follower torque tau alone, and
+    The preload lambda gives no output torque (equation 3), so tracking depends on the output torque tau alone, and
     the least effort at a given tau is the closed form of the allocator. The two optimisations are nested: tau over the
     horizon within the range that the bounds on xi allow, and lambda in closed form at each stage. Every predicted pair
     of pinion torques satisfies the bounds.
@@ -94,7 +94,7 @@ class Controller(Remembering):
         motor_noise: standard deviation of their other errors, gear errors included, at the load [rad].
         friction_std: relative standard error of the model's dry friction; this part of it is not compensated until it
             has been learnt from the motion of the load.
-        torque_rate: greatest rate of the follower torque at the drive output [N m/s]. If the change between the
+        torque_rate: greatest rate of the output torque at the drive output [N m/s]. If the change between the
             torque limits takes longer than the horizon, a large step overshoots.
         preload_rate: greatest rate of the preload, as torque on pinion 1 [N m/s]. The bounds have priority over both
             rates: the preload falls slowly, and rises at once if contact requires it.
@@ -283,7 +283,7 @@ class Controller(Remembering):
             previewed = take_reference(reference, self._wanted)
         if motor_angles is not None or self.motor_resolution is not None:
             angles = take_motor_angles(motor_angles, self.motor_resolution, self._drives)
-            self._arrays["readings"][1:] = angles
+            self._arrays["measurements"][1:] = angles
         if elapsed is not None:
             self._arrays["elapsed"][0] = take_elapsed(elapsed)
         trouble = self._step(angle, previewed)

@@ -82,7 +82,7 @@ def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool
     sweeps, certificates = _sweeps(functions, sizes, worst), 2 if worst else 1
     once = {"watch": 1, "estimate": 1 + N * worst, "begin": int(worst)}  # at most for a horizon of missed samples
     once |= {"preview": 1, "jump": N - 1, "early": int(worst), "followable": 1, "hurry": 1, "govern": N + 1}
-    once |= {"learn": 1, "rub": N, "demand": N + 1, "ease": 3 * N, "split": N}
+    once |= {"learn": 1, "rub": N, "demand": N + 1, "ease": 3 * N, "allocation": N}
     courses = sweeps + 2 * worst  # the interior point method simulates its first and its last torques
     each = {"stage": sizes["late"] + N, "reach": N, "backward": N * sweeps, "forward": N * courses}
     if rows(functions) > 1:

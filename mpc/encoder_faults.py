@@ -84,7 +84,7 @@ def watch(predictor: Predictor, motors: bool) -> Any:
     last samples.
     """
     model, n = predictor.model, len(predictor.model.states)
-    kalman, measurements = kalman_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors)
+    kalman, measurements = kalman_of(n, motors), ca.SX.sym("measurements", 1 + 2 * motors)
     watched, acted = ca.SX.sym("watched", watched_of(n, motors)), ca.SX.sym("acted", 3)
     p, own = ca.SX.sym("parameters", predictor.parameters.size), ca.SX.sym("watching", WATCHING)
     turn, tolerance, noticed, near, apart, beside, brake, greatest = ca.vertsplit(own)[:8]

@@ -69,7 +69,7 @@ class MotorEncoders:
 class Estimator:
     """Extended Kalman filter on the servo model with a disturbance torque d as a further state.
 
-        z[k+1] = step(z[k], tau[k] + d[k], tau[k-1] + d[k]) + w,    d[k+1] = d[k] + v,    y[k] = reading(z[k]) + e
+        z[k+1] = step(z[k], tau[k] + d[k], tau[k-1] + d[k]) + w,    d[k+1] = d[k] + v,    y[k] = measurement(z[k]) + e
 
     The disturbance removes the steady-state error due to unmodelled torques (offset-free control, Pannocchia and
     Rawlings 2003). The steps of the sensor count as noise of variance resolution^2/12. Measurements of motor

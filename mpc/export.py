@@ -31,7 +31,7 @@ _CONSTANT = (
     "model",
     "stage_numbers",
     "reach_numbers",
-    "split_numbers",
+    "allocation_numbers",
     "govern_numbers",
     "levels",
     "machine",

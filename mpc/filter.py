@@ -62,7 +62,7 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
     """
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
-    kalman, measurements, acted = kalman_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("acted", 3)
+    kalman, measurements, acted = kalman_of(n, motors), ca.SX.sym("measurements", 1 + 2 * motors), ca.SX.sym("acted", 3)
     levels, m, measurement = _levels(motors), n + 1 + 2 * motors, measurements[0]
     known, rejected, d, z, offsets = kalman[0], kalman[1], kalman[2], kalman[3 : 3 + n], kalman[3 + n : 2 + m]
     variance, torque_noise, drift = ca.vertsplit(levels)[:3]
@@ -142,7 +142,7 @@ def beginning(predictor: Predictor, motors: bool) -> Any:
     """Start at rest, as a `casadi.Function`: (measurements, torque, parameters, levels) -> filter state."""
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
-    measurements, torque, levels = ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("torque"), _levels(motors)
+    measurements, torque, levels = ca.SX.sym("measurements", 1 + 2 * motors), ca.SX.sym("torque"), _levels(motors)
     state = _at_rest(model.bound(p[:-1]), measurements[0], torque)
     level = levels[1] + levels[2]
     known: dict[State, Any] = {State.ANGLE: ca.sqrt(levels[0]), State.VELOCITY: 1.0}
@@ -173,7 +173,7 @@ def _at_rest(model: ServoModel, measurement: Any, torque: Any) -> Any:
         for effect in model.effects:
             if State.ANGLE in effect.states and not effect.flexible:
                 state[place] = shown
-            shown = effect.reading(shown, shown)
+            shown = effect.measurement(shown, shown)
             place += len(effect.states)
         if ca.is_equal(ca.SX(shown), ca.SX(angle)):
             break

@@ -36,7 +36,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "fed": len(Fed),  # see `mpc.feed_forward`
     }
     handed = {
-        "readings": 3,
+        "measurements": 3,
         "elapsed": 1,  # time since the last sample, if it differs from the sample time
         "wanted": N + 1,
     }

@@ -56,7 +56,7 @@ class Trial:
     def outcome(self) -> tuple[float, float, int, float]:
         """Simulate it: tracking rms, minimum contact torque, degraded samples, copper loss."""
         loop = closed_loop(self.design(), self.rig, self.reference, self.duration, self.seed)
-        return loop.tracking_rms, loop.least_flank_torque, loop.degraded, loop.copper_loss
+        return loop.tracking_rms, loop.minimum_contact_torque, loop.degraded, loop.copper_loss
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,13 +65,13 @@ class Sweep(Drawn):
 
     Attributes:
         tracking_rms: (R,) root mean square of angle minus reference [rad].
-        least_flank_torque: (R,) minimum contact torque [N m], at the output gear.
+        minimum_contact_torque: (R,) minimum contact torque [N m], at the output gear.
         degraded: (R,) number of samples whose status was not "optimal".
         copper_loss: (R,) mean of xi1^2 + xi2^2 [N^2 m^2].
     """
 
     tracking_rms: Array
-    least_flank_torque: Array
+    minimum_contact_torque: Array
     degraded: NDArray[np.int64]
     copper_loss: Array
 
@@ -80,13 +80,13 @@ class Sweep(Drawn):
         name, loops = type(self).__name__, self.tracking_rms.size
         return (
             f"{name}({loops} loops, largest tracking error {np.max(self.tracking_rms):.3g} rad rms, minimum contact "
-            f"torque {np.min(self.least_flank_torque):.3g} N m)"
+            f"torque {np.min(self.minimum_contact_torque):.3g} N m)"
         )
 
     @property
     def contact_lost(self) -> NDArray[np.bool_]:
         """(R,) whether contact was lost."""
-        return self.least_flank_torque <= 0.0
+        return self.minimum_contact_torque <= 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,7 +131,7 @@ def sweep(
     rms, flank, degraded, loss = zip(*outcomes, strict=True)
     return Sweep(
         tracking_rms=np.array(rms),
-        least_flank_torque=np.array(flank),
+        minimum_contact_torque=np.array(flank),
         degraded=np.array(degraded),
         copper_loss=np.array(loss),
     )

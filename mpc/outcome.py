@@ -12,11 +12,11 @@ import numpy as np
 
 from mpc.prepared import prepared
 from mpc.slots import Soft, Tuning
-from mpc.stage_allocation import split
+from mpc.stage_allocation import allocation
 
 
 def outcome(
-    n: int, limited: bool, plan: Any, rub: Any, states: Any, s: Any, preload: Any, split_numbers: Any, **known: Any
+    n: int, limited: bool, plan: Any, rub: Any, states: Any, s: Any, preload: Any, allocation_numbers: Any, **known: Any
 ) -> dict[str, Any]:
     """The results as expressions by name.
 
@@ -33,10 +33,10 @@ def outcome(
     if limited:
         for angle, speed in course[1:]:
             beyond = ca.logic_or(beyond, _broken(angle, speed, known["soft"]))
-    one, margin, torques, after, given = prepared(split()).function, ca.MX(np.inf), [], [preload], []
+    one, margin, torques, after, given = prepared(allocation()).function, ca.MX(np.inf), [], [preload], []
     for k in range(N):
         wanted, speed = plan[k + 1] + rub[k], states[n * (late + k) + 1]
-        last, pair, put_out, left = one(after[-1], wanted, speed, acceleration[k], split_numbers)
+        last, pair, put_out, left = one(after[-1], wanted, speed, acceleration[k], allocation_numbers)
         after.append(last)
         torques.append(pair)
         given.append(put_out)
@@ -47,13 +47,13 @@ def outcome(
     return found | {"load": load, "preload": after[1], "given": given[0]}
 
 
-def holding(preload: Any, split_numbers: Any, plan: Any) -> dict[str, Any]:
-    """Expressions by name for N samples with torques that keep contact with as little follower torque as possible."""
-    one, after = prepared(split()).function, preload
+def holding(preload: Any, allocation_numbers: Any, plan: Any) -> dict[str, Any]:
+    """Expressions by name for N samples with torques that keep contact with as little output torque as possible."""
+    one, after = prepared(allocation()).function, preload
     torques: list[Any] = []
     first: list[Any] = []
     for _ in range(plan.numel() - 1):
-        after, pair, given, margin = one(after, 0, 0, 0, split_numbers)
+        after, pair, given, margin = one(after, 0, 0, 0, allocation_numbers)
         torques.append(pair)
         first = first or [after, given, margin]
     preload, given, margin = first

@@ -90,7 +90,7 @@ class Predictor:
 
         Args:
             state: (n,) first state.
-            torques: (M + 1,) follower torques [N m]; the first one belongs to the sample before.
+            torques: (M + 1,) output torques [N m]; the first one belongs to the sample before.
             disturbance: torque added to each of them [N m].
         """
         samples, n = torques.size - 1, state.size

@@ -135,7 +135,7 @@ class Shooting:
 
     @cached_property
     def _strength(self) -> float:
-        """Follower torque that is reached in both directions [N m]."""
+        """Output torque that is reached in both directions [N m]."""
         return float(np.min(np.abs(self.bounds.reachable())))
 
     @property

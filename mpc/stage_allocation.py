@@ -1,4 +1,4 @@
-"""Range of the follower torque within the bounds of the pinions, and its least-effort allocation, stage by stage.
+"""Range of the output torque within the bounds of the pinions, and its least-effort allocation, stage by stage.
 
 These are the closed forms of the allocator (`allocation.Bounds`, `allocation.least_effort`) as expressions, combined
 with the inverse of the drive.
@@ -69,7 +69,7 @@ class _Pair:
 
     @property
     def reach(self) -> tuple[Any, Any]:
-        """Least and greatest follower torque."""
+        """Minimum and maximum output torque."""
         (n1, n2), (low_1, low_2) = self.ratios, self.low
         return n2 * low_2 - n1 * self.most[0], n2 * self.most[1] - n1 * low_1
 
@@ -101,7 +101,7 @@ def reach() -> Any:
 
 
 @cache
-def split() -> Any:
+def allocation() -> Any:
     """The pinion torques of a stage, as a `casadi.Function`.
 
     (lambda before, wanted drive output torque [N m], velocity, acceleration, machine) -> lambda, pinion torques (2,),
@@ -111,14 +111,14 @@ def split() -> Any:
     before, numbers = ca.SX.sym("before"), ca.SX.sym("machine", MACHINE)
     pair = _Pair(numbers, acceleration)
     preload, (first, second) = pair.magnitudes(pair.drive.command(wanted, velocity), before)
-    follower = pair.ratios[1] * second - pair.ratios[0] * first
+    output_torque = pair.ratios[1] * second - pair.ratios[0] * first
     flanks = [
         xi - ca.fmax(taken, 0) - least for xi, taken, least in zip((first, second), pair.taken, pair.least, strict=True)
     ]
     outputs = [
         preload,
         ca.vertcat(pair.directions[0] * first, pair.directions[1] * second),
-        pair.drive.effective(follower, velocity),
+        pair.drive.effective(output_torque, velocity),
         ca.fmin(*flanks),
     ]
-    return ca.Function("split", [before, wanted, velocity, acceleration, numbers], outputs, {"cse": True})
+    return ca.Function("allocation", [before, wanted, velocity, acceleration, numbers], outputs, {"cse": True})

@@ -14,7 +14,7 @@ from mpc.prepared import prepared
 from mpc.preview import preview
 from mpc.riccati import backward, forward, slope
 from mpc.soft_limits import corridor, enter
-from mpc.stage_allocation import reach, split
+from mpc.stage_allocation import allocation, reach
 from mpc.time_optimal_law import early, followable, governed, hurry, jump
 from plant.servo import ServoModel
 
@@ -43,5 +43,5 @@ class Stages:
         govern = prepared(governed(governor.soft is not None)).function
         aims = (ease(), preview(), jump(), hurry(), early(), followable(), govern, enter(), corridor())
         sweeps = (backward(n, rows), forward(n), slope(n, rows))
-        splits = (prepared(reach()).function, prepared(split()).function)
-        return cls(friction=friction, watch=watching, every=(*filters, *aims, *sweeps, *splits))
+        allocations = (prepared(reach()).function, prepared(allocation()).function)
+        return cls(friction=friction, watch=watching, every=(*filters, *aims, *sweeps, *allocations))

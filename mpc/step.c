@@ -266,7 +266,7 @@ static void hold(struct controller *c)
   c->plan[0] = 0;
   c->outcome[OUTCOME_RESIDUAL] = INFINITY;
   for (k = 0; k < HORIZON; ++k) {
-    split(&preload, &nothing, &nothing, &nothing, TABLE(split_numbers), &next, c->torques + 2 * k, &given, &margin);
+    allocation(&preload, &nothing, &nothing, &nothing, TABLE(allocation_numbers), &next, c->torques + 2 * k, &given, &margin);
     preload = next;
     c->angles[k] = NAN;
     if (k) continue;
@@ -317,7 +317,7 @@ static int plan_ahead(struct controller *c)
   c->outcome[OUTCOME_MARGIN] = INFINITY;
   for (k = 0; k < HORIZON; ++k) {
     total = c->plan[k + 1] + c->rub[k];
-    split(&preload, &total, c->states + N * (shift + k) + 1, c->acceleration + k, TABLE(split_numbers),
+    allocation(&preload, &total, c->states + N * (shift + k) + 1, c->acceleration + k, TABLE(allocation_numbers),
           &next, c->torques + 2 * k, &given, &margin);
     preload = next;
     c->outcome[OUTCOME_MARGIN] = margin < c->outcome[OUTCOME_MARGIN] ? margin : c->outcome[OUTCOME_MARGIN];
@@ -340,9 +340,9 @@ static void move_on(struct controller *c)
 /* A missed sample: the last torques were held, and there was no measurement. */
 static void miss(struct controller *c)
 {
-  real readings[3] = {NAN, NAN, NAN}, acted[3] = {0}, code, anew, kalman[KALMAN];
+  real measurements[3] = {NAN, NAN, NAN}, acted[3] = {0}, code, anew, kalman[KALMAN];
   acted[0] = c->past[1], acted[1] = c->past[0];
-  estimate(c->kalman, readings, acted, TABLE(model), TABLE(levels), kalman, &code, &anew);
+  estimate(c->kalman, measurements, acted, TABLE(model), TABLE(levels), kalman, &code, &anew);
   memcpy(c->kalman, kalman, sizeof kalman);
   move_on(c);
   memmove(c->plan + 1, c->plan + 2, (HORIZON - 1) * sizeof(real));
@@ -375,13 +375,13 @@ static void lapse(struct controller *c)
 /* Unwrap the measurement, and discard those of faulty encoders; returns whether any encoder is faulty. */
 static int watched(struct controller *c)
 {
-  real acted[3], kalman[KALMAN], memory[WATCHED], reading, load_out, motors_out;
+  real acted[3], kalman[KALMAN], memory[WATCHED], measurement, load_out, motors_out;
   acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->past[1] + c->rubs[1];
-  watch(c->kalman, c->readings, c->watched, acted, c->acting, TABLE(watching), kalman, &reading, memory, &load_out, &motors_out);
+  watch(c->kalman, c->measurements, c->watched, acted, c->acting, TABLE(watching), kalman, &measurement, memory, &load_out, &motors_out);
   memcpy(c->kalman, kalman, sizeof kalman);
   memcpy(c->watched, memory, sizeof memory);
-  if (motors_out != 0) c->readings[1] = c->readings[2] = NAN;
-  c->readings[0] = load_out != 0 ? NAN : reading;
+  if (motors_out != 0) c->measurements[1] = c->measurements[2] = NAN;
+  c->measurements[0] = load_out != 0 ? NAN : measurement;
   return load_out != 0 || motors_out != 0;
 }
 
@@ -389,12 +389,12 @@ STEP int control_step(struct controller *c, real angle, int previewed)
 {
   int trouble, out;
   real acted[3], code, anew, kalman[KALMAN];
-  c->readings[0] = angle; /* followed by those of the motors */
+  c->measurements[0] = angle; /* followed by those of the motors */
   lapse(c);
   out = watched(c);
   acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[LEARNT_DIRECTION] == 0 ? TABLE(rubbing)[RUBBING_DEAF] : 0;
-  estimate(c->kalman, c->readings, acted, c->acting, TABLE(levels), kalman, &code, &anew);
-  if (anew) begin(c->readings, acted, TABLE(model), TABLE(levels), kalman);
+  estimate(c->kalman, c->measurements, acted, c->acting, TABLE(levels), kalman, &code, &anew);
+  if (anew) begin(c->measurements, acted, TABLE(model), TABLE(levels), kalman);
   memcpy(c->kalman, kalman, sizeof kalman);
   trouble = (int)code;
   if (out) trouble = (trouble & ~ANGLE_PREDICTED) | ENCODER_FAULT;

@@ -61,10 +61,10 @@ class InterpretedStep:
         self._feed_forward = fused("feed", own, reads, partial(fed_forward, demand, self._late), operations=work)
         shared = {0: estimator.kalman, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(stages.watch, shared)
-        reads = "plan rub states s preload split_numbers tuning soft model"
+        reads = "plan rub states s preload allocation_numbers tuning soft model"
         come = partial(outcome, len(estimator.predictor.model.states), self.program.rows > TORQUE_ALONE)
         self._outcome = fused("outcome", own, reads, come, operations=150 * N, in_place=("preload",))
-        reads = "preload split_numbers plan"
+        reads = "preload allocation_numbers plan"
         self._holding = fused("holding", own, reads, holding, operations=120 * N, in_place=("preload",))
 
     def __call__(self, angle: float, previewed: bool) -> int:
@@ -76,7 +76,7 @@ class InterpretedStep:
         a, kalman = self._a, self._estimator.kalman
         self._lapse()
         angle, out = self._watched(angle)
-        first, second = a["readings"][1:].tolist()
+        first, second = a["measurements"][1:].tolist()
         deaf = float(a["rubbing"][Rubbing.DEAF]) if a["learnt"][Learnt.DIRECTION] == 0 else 0.0
         before, last = a["past"][:2].tolist()
         trouble = self._estimator.update(angle, last, before, (first, second), deaf)
@@ -138,15 +138,15 @@ class InterpretedStep:
     def _watched(self, angle: float) -> tuple[float, bool]:
         """The unwrapped angle, NaN if it is faulty, and whether any encoder is; faulty motor angles become NaN."""
         a, watch = self._a, self._watch
-        a["readings"][0] = angle
-        watch.inputs[1][:] = a["readings"][: watch.inputs[1].size]
+        a["measurements"][0] = angle
+        watch.inputs[1][:] = a["measurements"][: watch.inputs[1].size]
         before, last = a["past"][:2].tolist()
         watch.inputs[3][:] = last, before, last + a["rubs"][1]
-        a["kalman"][:], reading, a["watched"][:], load_out, motors_out = watch()
+        a["kalman"][:], measurement, a["watched"][:], load_out, motors_out = watch()
         if motors_out[0]:
-            a["readings"][1:] = np.nan
-        a["readings"][0] = np.nan if load_out[0] else reading[0]
-        return float(a["readings"][0]), bool(load_out[0] or motors_out[0])
+            a["measurements"][1:] = np.nan
+        a["measurements"][0] = np.nan if load_out[0] else measurement[0]
+        return float(a["measurements"][0]), bool(load_out[0] or motors_out[0])
 
     def _adapt_friction(self) -> None:
         """Adapt friction, and compute its compensation along the path."""

@@ -55,5 +55,5 @@ def words_of(controller: Controller) -> dict[str, str]:
 def _drives(gears: DriveTrain, newton: str) -> str:
     if isinstance(gears, GearTrain):
         teeth = " and ".join(map(str, gears.pinion_teeth))
-        return f"pinions of {teeth} teeth on a follower of {gears.follower_teeth}"
+        return f"pinions of {teeth} teeth on an output gear of {gears.output_teeth}"
     return " and ".join(f"{ratio:g}" for ratio in gears.torque_map) + f" {newton} on the load for one N m"

@@ -30,7 +30,7 @@ class Trajectory(Drawn):
         time: (N + 1,) [s], from zero.
         angle: (N + 1,) planned angle of the load [rad].
         speed: (N + 1,) planned speed of the load [rad/s].
-        follower_torque: (N,) of both pinions together, at the follower [N m].
+        output_torque: (N,) of both pinions together, at the output gear [N m].
         torques: (N, 2) pinion torques [N m]; always inside the bounds.
         copper_loss: integral of xi1^2 + xi2^2 [N^2 m^2 s], proportional to the Joule heat.
         margin: smallest motor or contact torque minus the minimum [N m], seen from the pinion, in a fine simulation of
@@ -42,7 +42,7 @@ class Trajectory(Drawn):
     time: Array
     angle: Array
     speed: Array
-    follower_torque: Array
+    output_torque: Array
     torques: Array
     copper_loss: float
     margin: float
@@ -138,7 +138,7 @@ def _move(model: ServoModel, bounds: Limits, start: float, goal: float, interval
         raise BadParameter(f"speed_limit must be above zero, not {speed_limit!r}.")
     low, high = bounds.reachable()
     if not low < 0 < high:
-        raise BadParameter(f"The bounds leave follower torques from {low:g} to {high:g} N m: none to brake with.")
+        raise BadParameter(f"The bounds leave output torques from {low:g} to {high:g} N m: none to brake with.")
     planned = model.without_clock()
     for effect in planned.effects:
         late = effect.stage == Stage.ACTUATOR and (effect.states or effect.name == "input_delay")
@@ -158,15 +158,15 @@ def _solved(move: Shooting, duration: float | None) -> Trajectory:
     """Solve the program, and check the solution by a simulation of the model with its torques."""
     shot, bounds, N = move.solve(duration), move.bounds, move.intervals
     torques, h = bounds.structure.signs * shot.magnitudes, shot.duration / N
-    follower = shot.magnitudes @ bounds.structure.pushing[0]
-    course = simulate(move.model, command=np.repeat(follower, _FINER), dt=h / _FINER, state=move.begin)
+    output_torque = shot.magnitudes @ bounds.structure.pushing[0]
+    course = simulate(move.model, command=np.repeat(output_torque, _FINER), dt=h / _FINER, state=move.begin)
     acceleration = np.diff(course[:, 1]) / (h / _FINER)
     fine = np.repeat(torques, _FINER, axis=0)
     return Trajectory(
         time=np.arange(N + 1, dtype=np.float64) * h,
         angle=shot.states[:, 0].copy(),
         speed=shot.states[:, 1].copy(),
-        follower_torque=follower,
+        output_torque=output_torque,
         torques=torques,
         copper_loss=float(np.sum(torques**2) * h),
         margin=float(np.min(bounds.margin(fine, acceleration))),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Effect, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,7 +15,7 @@ class EddyBrake(Effect):
     title = "eddy-current brake"
     stage = Stage.LOAD
     equation = r"\tau_e = -2 M \frac{\dot x / v_c}{1 + (\dot x / v_c)^2}"
-    trace = "drag over velocity with a peak"
+    signature = "drag over velocity with a peak"
     confused_with = ("quadratic_drag", "stribeck_friction")
 
     torque: float = parameter("{torque}", "greatest torque M", lower=0.0)
@@ -26,11 +26,11 @@ class EddyBrake(Effect):
         return -2.0 * self.torque * share / (1.0 + share**2)
 
     @classmethod
-    def traces(cls, motion):
+    def regressors(cls, motion):
         fastest = float(np.quantile(np.abs(motion.velocity), 0.99))
         for speed in fastest * np.array([0.1, 0.2, 0.4, 0.8]):
             share = motion.velocity / speed
-            yield Trace(
+            yield Regressors(
                 columns=-2.0 * (share / (1.0 + share**2))[:, None],
                 positive=(True,),
                 start=lambda c, speed=speed: cls(torque=within(c[0], cls, "torque"), critical=speed),

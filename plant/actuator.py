@@ -164,17 +164,17 @@ def played(
         if State.COMMAND in effect.states:
             course = course.followed_by(effect, own[effect.name][0], h, straight=_is_straight(model, effect))
             states[effect.name] = (course.end,)
-        elif State.GOAL in effect.states:
+        elif State.SETPOINT in effect.states:
             wanted, straight = course.moved(1 / _or_one(gain)), _is_straight(model, effect)
-            goal = wanted.followed_by(effect, own[effect.name][0], h, straight=straight)
-            states[effect.name] = (ca.if_else(gain > 0, goal.end, goal.start),)
-            course = goal.moved(gain).where(gain > 0, course)
+            setpoint = wanted.followed_by(effect, own[effect.name][0], h, straight=straight)
+            states[effect.name] = (ca.if_else(gain > 0, setpoint.end, setpoint.start),)
+            course = setpoint.moved(gain).where(gain > 0, course)
     return course, states
 
 
 def _followers(model: ServoModel) -> list[Effect]:
     """The effects of the actuator whose state follows their input."""
-    kinds = (State.COMMAND, State.GOAL, State.TORQUE)
+    kinds = (State.COMMAND, State.SETPOINT, State.TORQUE)
     return [effect for effect in model.effects if effect.states and effect.states[0] in kinds]
 
 
@@ -190,7 +190,7 @@ def settling_time(model: ServoModel, own: Own, command: Expression, gain: Expres
     """Time for the actuator's states to settle after a new command [s]; None if there are none."""
     times = []
     for effect in _followers(model):
-        if State.GOAL in effect.states:
+        if State.SETPOINT in effect.states:
             ramp = effect.settling_time(own[effect.name][0], command / _or_one(gain))
             times.append(ca.if_else(gain > 0, ramp, 0))
         else:

@@ -123,7 +123,7 @@ def integration_steps(
 def sample_reading(model: ServoModel) -> Any:
     """The measurement of the sensor: Function of (n,) state and (P,) parameters."""
     state, parameters = ca.SX.sym("state", len(model.states)), ca.SX.sym("parameters", len(model.names))
-    return ca.Function("sample_reading", [state, parameters], [model.bound(parameters).reading(state)])
+    return ca.Function("sample_reading", [state, parameters], [model.bound(parameters).measurement(state)])
 
 
 @one_at_a_time

@@ -82,7 +82,7 @@ class DriveTrain(ABC):
         b = self.torque_map
         return np.asarray(torque, dtype=np.float64)[..., None] * (b / (b @ b))
 
-    def split(self, torque: ArrayLike, preload: ArrayLike) -> Array:
+    def pinion_torques(self, torque: ArrayLike, preload: ArrayLike) -> Array:
         """Pinion torques for a torque on the load and a preload, equation (3).
 
         Args:
@@ -94,7 +94,7 @@ class DriveTrain(ABC):
         """
         return self.particular(torque) + np.asarray(preload, dtype=np.float64)[..., None] * self.null_vector
 
-    def follower_torque(self, torques: ArrayLike) -> Array:
+    def output_torque(self, torques: ArrayLike) -> Array:
         """Torque on the load [N m], shape (...), of pinion torques [N m], shape (..., m), equation (2)."""
         return np.asarray(np.asarray(torques, dtype=np.float64) @ self.torque_map)
 

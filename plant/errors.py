@@ -6,7 +6,7 @@
     ├── MalformedLog            a measured log that cannot be used                  (identification)
     ├── UnusableLog             a readable log that contradicts every machine       (identification)
     ├── Unidentifiable          the data do not determine a parameter               (identification)
-    └── InfeasibleTorque        no split of the torque satisfies the constraints    (allocation)
+    └── InfeasibleTorque        no allocation of the torque satisfies the constraints    (allocation)
 
 The message is one sentence: the fault, its place, and the remedy. The command line prints it and exits with code 2.
 """

@@ -45,18 +45,18 @@ DRIVE_PARAMETERS: Final = (
     "stall_torque",
     "emf_damping",
 )
-"""Parameters of each drive, referred to the load; `direction` is the required sign of its follower torque."""
+"""Parameters of each drive, referred to the load; `direction` is the required sign of its output torque."""
 
 REQUIRED_DIRECTION: Final = (-1.0, 1.0)
 """Required signs of D1 and D2: D1 pulls backward (xi1 > 0), D2 forward (xi2 < 0)."""
 
 
 def states(drives: int) -> int:
-    """Size of a state: load angle and velocity; of each drive angle, velocity, least flank torque, motor torque."""
+    """Size of a state: load angle and velocity; of each drive angle, velocity, minimum contact torque, motor torque."""
     return 2 + 4 * drives
 
 
-def flank_torque(
+def contact_torque(
     relative_angle: Any, relative_velocity: Any, *, half_backlash: Any, stiffness: Any, damping: Any
 ) -> Any:
     """Torque transmitted from a rotor to the load through the gear contact, referred to the load [N m].
@@ -111,7 +111,7 @@ def fine_steps(drives: int) -> Any:
     """CasADi function (state, command, disturbance, step, parameters) -> state, over `BLOCK` fine steps.
 
     Semi-implicit Euler: velocities from the old positions, positions from the new velocities, dry friction implicit.
-    Inputs: state as in `states`, commanded follower torque of each drive (drives,) [N m], disturbance torque on the
+    Inputs: state as in `states`, commanded output torque of each drive (drives,) [N m], disturbance torque on the
     load [N m], fine step [s], `LOAD_PARAMETERS` and then `DRIVE_PARAMETERS` of each drive.
     """
     z = ca.SX.sym("z", states(drives))
@@ -145,7 +145,7 @@ def fine_steps(drives: int) -> Any:
             stall_torque=d["stall_torque"],
             emf_damping=d["emf_damping"],
         )
-        passed = flank_torque(
+        passed = contact_torque(
             q - x, w - v, half_backlash=d["half_backlash"], stiffness=p["flank_stiffness"], damping=p["flank_damping"]
         )
         load += passed

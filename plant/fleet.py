@@ -94,11 +94,11 @@ class Fleet:
             past = ((-duration, encoder_angles(rows)), *past)
         return FleetState(rows=rows, trail=recent(past, duration, self._delay))
 
-    def flank_torques(self, state: FleetState) -> Array:
-        """(B, m) torque of each required flank [N m], follower side; positive: pushing in the required direction."""
-        return self._flank_torques(state.rows)
+    def contact_torques(self, state: FleetState) -> Array:
+        """(B, m) torque of each required flank [N m], output side; positive: pushing in the required direction."""
+        return self._contact_torques(state.rows)
 
-    def _flank_torques(self, rows: Array) -> Array:
+    def _contact_torques(self, rows: Array) -> Array:
         """(..., B, m) contact torques of states (..., B, S)."""
         m = self._drives
         relative_angle, rate = rows[..., 2 : 2 + m] - rows[..., :1], rows[..., 2 + m : 2 + 2 * m] - rows[..., 1:2]
@@ -107,7 +107,7 @@ class Fleet:
         passed = np.sign(relative_angle) * np.where(pressed > 0.0, np.maximum(push, 0.0), 0.0)
         return np.asarray(self._directions * passed)
 
-    def least_flank_torques(self, state: FleetState) -> Array:
+    def minimum_contact_torques(self, state: FleetState) -> Array:
         """(B, m) least torque of each required flank during the last advance [N m], as in `RigState`."""
         return state.rows[:, 2 + 2 * self._drives : 2 + 3 * self._drives]
 
@@ -175,8 +175,8 @@ class Fleet:
             velocity=rows[:-1, :, 1].copy(),
             motor_angles=self._motor_measurements(shown, shake),
             given_torques=given / self._torque_map,
-            flank_torques=self._flank_torques(rows[:-1]),
-            least_flank_torques=least + 0.0,  # no minus zero
+            contact_torques=self._contact_torques(rows[:-1]),
+            minimum_contact_torques=least + 0.0,  # no minus zero
             end=state,
         )
 

@@ -1,8 +1,8 @@
 """The gear train: from tooth counts to speed ratios, torque map and preload direction.
 
-Two driving gears D1, D2 mesh with one follower F. "Pinion" is the driving gear of this final mesh; "motor" is the shaft
-before the pre-reduction. Directions in the pre-reduction are counted so that a positive motor speed turns its pinion
-positively. The only minus sign is that of the external final mesh in equations (1) and (2).
+Two driving gears D1, D2 mesh with one output gear F. "Pinion" is the driving gear of this final mesh; "motor" is the
+shaft before the pre-reduction. Directions in the pre-reduction are counted so that a positive motor speed turns its
+pinion positively. The only minus sign is that of the external final mesh in equations (1) and (2).
 """
 
 from __future__ import annotations
@@ -88,9 +88,9 @@ class Ratios(DriveTrain):
 
 @dataclass(frozen=True, kw_only=True)
 class GearTrain(DriveTrain):
-    """Two pinions on one follower, each with the same pre-reduction.
+    """Two pinions on one output gear, each with the same pre-reduction.
 
-    With theta the follower's angle, phi_i and xi_i the angle and torque of pinion i, tau_f the torque on the follower:
+    With theta the angle of the output gear, tau_f its torque, and phi_i and xi_i the angle and torque of pinion i:
 
         phi_i = -(Nf/Ni) theta                                        (1)
         tau_f = -(Nf/N1) xi1 - (Nf/N2) xi2                            (2)
@@ -101,7 +101,7 @@ class GearTrain(DriveTrain):
 
     Attributes:
         pinion_teeth: teeth (N1, N2) of the two driving gears.
-        follower_teeth: teeth Nf of the follower.
+        output_teeth: teeth Nf of the output gear.
         stages: (driven, driving) teeth of each pre-reduction stage between a motor and its pinion; empty if there is
             none.
 
@@ -110,7 +110,7 @@ class GearTrain(DriveTrain):
     """
 
     pinion_teeth: tuple[int, int]
-    follower_teeth: int
+    output_teeth: int
     stages: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
@@ -120,14 +120,14 @@ class GearTrain(DriveTrain):
         for stage in self.stages:
             if len(stage) != 2:
                 raise BadParameter(f"Each stage must be a pair (driven teeth, driving teeth), not {stage!r}.")
-        for count in chain(self.pinion_teeth, (self.follower_teeth,), *self.stages):
+        for count in chain(self.pinion_teeth, (self.output_teeth,), *self.stages):
             if (whole(count) or 0) < 1:
                 raise BadParameter(f"A tooth count must be a positive whole number, not {count!r}.")
 
     @classmethod
     def paper(cls) -> GearTrain:
         """The paper's gear train: 46/18, 41/17, 42/21 and 161/20, a reduction of 99.231 to 1."""
-        return cls(pinion_teeth=(20, 20), follower_teeth=161, stages=((46, 18), (41, 17), (42, 21)))
+        return cls(pinion_teeth=(20, 20), output_teeth=161, stages=((46, 18), (41, 17), (42, 21)))
 
     @classmethod
     def parse(cls, text: str) -> GearTrain:
@@ -139,12 +139,12 @@ class GearTrain(DriveTrain):
         Raises:
             BadParameter: the text has another form, or a count is not a positive whole number.
         """
-        pinions, colon, follower = text.partition(":")
+        pinions, colon, output = text.partition(":")
         try:
             counts = [int(count) for count in pinions.split(",")]
             if not colon or len(counts) > 2:
                 raise ValueError(text)
-            return cls(pinion_teeth=(counts[0], counts[-1]), follower_teeth=int(follower))
+            return cls(pinion_teeth=(counts[0], counts[-1]), output_teeth=int(output))
         except ValueError:
             raise BadParameter(
                 f"The gears are {text!r}; write the teeth of both pinions and of the gear they drive as 20,20:161."
@@ -162,19 +162,19 @@ class GearTrain(DriveTrain):
 
     @property
     def torque_map(self) -> Array:
-        """(2,) follower torque for one newton metre on each pinion, equation (2)."""
-        return -(self.follower_teeth / np.array(self.pinion_teeth, dtype=np.float64))
+        """(2,) output torque for one newton metre on each pinion, equation (2)."""
+        return -(self.output_teeth / np.array(self.pinion_teeth, dtype=np.float64))
 
     @property
     def null_vector(self) -> Array:
-        """(2,) pinion torques [N1, -N2] that put no torque on the follower, equation (3)."""
+        """(2,) pinion torques [N1, -N2] that put no torque on the output gear, equation (3)."""
         n1, n2 = self.pinion_teeth
         return np.array([n1, -n2], dtype=np.float64)
 
     def __str__(self) -> str:
         """Text that `parse` reads."""
         first, second = self.pinion_teeth
-        return f"{first},{second}:{self.follower_teeth}"
+        return f"{first},{second}:{self.output_teeth}"
 
 
 def _refuse_extreme(name: str, ratio: float) -> None:

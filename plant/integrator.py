@@ -180,7 +180,7 @@ def _own_after(
             entering, mine = (mine[0], (mine[0] + shown) / 2, shown), (shown,)
         else:
             mine = on_the_way.get(effect.name, ())
-            entering = tuple(effect.reading(angle, 0.0) for angle in entering)
+            entering = tuple(effect.measurement(angle, 0.0) for angle in entering)
         states += mine
     return states
 

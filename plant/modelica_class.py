@@ -124,7 +124,7 @@ def _equations(servo: ServoModel, place: str) -> _Equations:
         acceleration -= dry / servo.load_inertia(at)
     shown: Any = x
     for effect in servo.effects:
-        shown = shown if effect.states else effect.reading(shown, 0.0)
+        shown = shown if effect.states else effect.measurement(shown, 0.0)
     right = {"leaving": behind, f"der({place})": v, "der(velocity)": acceleration, "measurement": shown}
     states = [place, "velocity"]
     if flexible is not None:

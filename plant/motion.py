@@ -78,7 +78,7 @@ class Motion:
     ) -> Array:
         """The states (B, S) after blocks of fine steps of a length [s].
 
-        Follower torques (B, drives) and load torques (B,) [N m] are held; parameters (B, P) are those of
+        Output torques (B, drives) and load torques (B,) [N m] are held; parameters (B, P) are those of
         `plant.flank.fine_steps`.
         """
         library = self._code.library

@@ -105,7 +105,7 @@ def sensor_effects(model: ServoModel) -> list[Effect]:
 
 def _left_out(model: ServoModel, timeless: ServoModel) -> list[str]:
     kept = {effect.name for effect in timeless.effects}
-    lost = [e.title for e in timeless.effects if e.name in ("rate_limit", "goal_rate_limit", "sensor_lag")]
+    lost = [e.title for e in timeless.effects if e.name in ("rate_limit", "setpoint_rate_limit", "sensor_lag")]
     clocked = [effect.title for effect in model.effects if effect.name not in kept]
     found = [f"Not in it: {', '.join(lost)}."] if lost else []
     return [
@@ -164,19 +164,19 @@ def _function(model: ServoModel, native: Native, name: str) -> str:
     """The Python file for the MJCF; empty if no effect needs it."""
     own = Symbolic.of(model)
     rest = beyond(model.bound(own.values))
-    if not rest.effects and ca.is_equal(rest.reading, rest.symbols[0], 5):
+    if not rest.effects and ca.is_equal(rest.measurement, rest.symbols[0], 5):
         return ""
     results = {"motor": rest.motor, "load": rest.load, "friction": rest.friction}
     after = dict(zip((f"next_{r}" for r in rest.remembered), map(ca.SX, rest.after), strict=True))
     text = text_of(results | after, [*rest.symbols, *own.symbols], python())
-    needed = ca.vertcat(*results.values(), *after.values(), rest.reading)
+    needed = ca.vertcat(*results.values(), *after.values(), rest.measurement)
     used = [entry for entry, s in zip(own.parameters, own.symbols, strict=True) if ca.depends_on(needed, s)]
     constants = "\n".join(
         f"{given} = {value!r}  # {': '.join(filter(None, (printed(spec.unit), spec.meaning)))}"
         for given, spec, value in used
     )
     place, length, push, unit = axis_quantities(native.axis)
-    shown = text_of({"shown": rest.reading}, [rest.symbols[0], *own.symbols], python())
+    shown = text_of({"shown": rest.measurement}, [rest.symbols[0], *own.symbols], python())
     return _TEMPLATE.format(
         name=name,
         what=", ".join(effect.title for effect in (*rest.effects, *sensor_effects(model))),

@@ -37,7 +37,7 @@ class Rig:
 
     Load:   J x'' = T1 + T2 - alpha cos x - beta sin x - K x' - c x'|x'| + A sin(n x + phi) + offset - dry friction
     Rotor:  Jr_i q_i'' = D_i - T_i - viscous and dry friction of the motor        (referred to the load) Teeth:  T_i
-    pushes when |q_i - x| exceeds half the backlash, never pulls      (see `plant.flank.flank_torque`) Motor:  D_i
+    pushes when |q_i - x| exceeds half the backlash, never pulls      (see `plant.flank.contact_torque`) Motor:  D_i
     follows its command with a lag, within the supply's limits        (see `plant.flank.motor_torque`)
 
     T1 + T2 is the sum over all drives; D_i is the pinion torque times its gear ratio, without lag if
@@ -155,12 +155,12 @@ class Rig:
 
     @cached_property
     def torque_map(self) -> Array:
-        """(m,) follower torque for one newton metre on each pinion."""
+        """(m,) output torque for one newton metre on each pinion."""
         return self.gears.torque_map[self._pinions]
 
     @cached_property
     def directions(self) -> Array:
-        """(m,) required sign of each drive's follower torque."""
+        """(m,) required sign of each drive's output torque."""
         return np.array(REQUIRED_DIRECTION)[self._pinions]
 
     @property
@@ -225,7 +225,7 @@ class Rig:
             velocity=0.0,
             rotor_angles=angle + self.directions * (self.half_backlash + pressed / self.flank_stiffness),
             rotor_velocities=np.zeros(len(self.drives)),
-            least_flank_torques=pressed,
+            minimum_contact_torques=pressed,
             drive_torques=drives,
         )
 
@@ -238,9 +238,9 @@ class Rig:
         one = FleetState(rows=state.row(), trail=state.trail)
         return self._alone.advance(one, np.asarray(torques, dtype=np.float64)[None], duration, disturbance).machine(0)
 
-    def flank_torques(self, state: RigState) -> Array:
-        """(m,) torque of each required flank [N m], follower side; positive: pushing in the required direction."""
-        found: Array = self._alone.flank_torques(FleetState(rows=state.row()))[0]
+    def contact_torques(self, state: RigState) -> Array:
+        """(m,) torque of each required flank [N m], output side; positive: pushing in the required direction."""
+        found: Array = self._alone.contact_torques(FleetState(rows=state.row()))[0]
         return found
 
     def energy(self, state: RigState) -> float:

@@ -22,7 +22,7 @@ class RigState:
         velocity: load velocity [rad/s].
         rotor_angles: (m,) of each drive [rad], load side.
         rotor_velocities: (m,) [rad/s], load side.
-        least_flank_torques: (m,) least torque of each required flank during the last advance [N m], follower side;
+        minimum_contact_torques: (m,) least torque of each required flank during the last advance [N m], output side;
             positive: in contact all the time; zero: loss of contact; negative: contact on the other flank.
         drive_torques: (m,) actual torque of each motor [N m], load side; by default empty.
         trail: past angles, for encoders with delay.
@@ -32,14 +32,14 @@ class RigState:
     velocity: float
     rotor_angles: Array
     rotor_velocities: Array
-    least_flank_torques: Array
+    minimum_contact_torques: Array
     drive_torques: Array = field(default_factory=lambda: np.zeros(0))
     trail: Trail = ()
 
     def row(self) -> Array:
         """(1, S) the state as in `plant.flank.states`."""
         motors = self.drive_torques if self.drive_torques.size else np.zeros(self.rotor_angles.size)
-        shafts = (self.rotor_angles, self.rotor_velocities, self.least_flank_torques, motors)
+        shafts = (self.rotor_angles, self.rotor_velocities, self.minimum_contact_torques, motors)
         return np.concatenate(((self.angle, self.velocity), *shafts))[None, :]
 
     @classmethod
@@ -51,7 +51,7 @@ class RigState:
             velocity=float(row[1]),
             rotor_angles=rotors,
             rotor_velocities=rates,
-            least_flank_torques=least + 0.0,  # no minus zero
+            minimum_contact_torques=least + 0.0,  # no minus zero
             drive_torques=drives,
             trail=trail,
         )
@@ -69,8 +69,8 @@ class RigRecord(Drawn):
         velocity: (T,) load velocity [rad/s].
         motor_angles: (T, m) motor shaft angles measured by their encoders [rad].
         given_torques: (T, m) actual pinion torques of the motors at the end of the sample [N m].
-        flank_torques: (T, m) torque of each required flank at the sample [N m], follower side.
-        least_flank_torques: (T, m) the least of it during the sample [N m]; positive: contact was never lost.
+        contact_torques: (T, m) torque of each required flank at the sample [N m], output side.
+        minimum_contact_torques: (T, m) the least of it during the sample [N m]; positive: contact was never lost.
         end: state after the last sample.
     """
 
@@ -81,13 +81,13 @@ class RigRecord(Drawn):
     velocity: Array
     motor_angles: Array
     given_torques: Array
-    flank_torques: Array
-    least_flank_torques: Array
+    contact_torques: Array
+    minimum_contact_torques: Array
     end: RigState
 
     def __repr__(self) -> str:
         """Length and minimum contact torque in one line."""
-        least = float(np.min(self.least_flank_torques, initial=np.inf))
+        least = float(np.min(self.minimum_contact_torques, initial=np.inf))
         return f"RigRecord({self.time.size} samples, minimum contact torque {least:.4g} N m)"
 
 
@@ -115,7 +115,7 @@ class FleetRecord:
 
     Attributes:
         time: (T,) [s].
-        torques, motor_angles, given_torques, flank_torques, least_flank_torques: (T, B, m).
+        torques, motor_angles, given_torques, contact_torques, minimum_contact_torques: (T, B, m).
         angle, true_angle, velocity: (T, B).
         end: state after the last sample.
     """
@@ -127,8 +127,8 @@ class FleetRecord:
     velocity: Array
     motor_angles: Array
     given_torques: Array
-    flank_torques: Array
-    least_flank_torques: Array
+    contact_torques: Array
+    minimum_contact_torques: Array
     end: FleetState
 
     def machine(self, number: int) -> RigRecord:

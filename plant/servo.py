@@ -58,7 +58,16 @@ class ServoModel(Tabled):
 
     _internal: ClassVar[frozenset[str]] = Tabled._internal | {
         *("bound", "chaotic", "commanded", "delay", "drivetrain", "dry_friction", "holds"),
-        *("kinds", "lead", "load_inertia", "longest_step", "own_states", "parameters_with", "quantities", "reading"),
+        *(
+            "kinds",
+            "lead",
+            "load_inertia",
+            "longest_step",
+            "own_states",
+            "measurement",
+            "parameters_with",
+            "quantities",
+        ),
         *("slides", "smooth_acceleration", "states", "structure", "without_clock"),
     }
 
@@ -279,11 +288,11 @@ class ServoModel(Tabled):
         """Whether neighbouring trajectories may diverge."""
         return any(effect.chaotic for effect in self.effects)
 
-    def reading(self, state: Any) -> Expression:
+    def measurement(self, state: Any) -> Expression:
         """The measurement of the sensor in a state (n,) [rad]."""
         own, shown = self.own_states(state), state[0]
         for effect in self.effects:
-            shown = effect.reading(shown, *(own[effect.name] or (0.0,))[:1])
+            shown = effect.measurement(shown, *(own[effect.name] or (0.0,))[:1])
         return shown
 
     def delay(self) -> Expression:

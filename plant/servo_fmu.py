@@ -27,7 +27,7 @@ def servo_fmu(
 
     A command is held for a sample. The outputs are the sensor's measurement, without noise and quantisation, and the
     true motion of the load; parameters, first angle and first velocity may be set before the start. An effect on the
-    set-point of a position servo (`goal_rate_limit`) is inactive, since the command is a torque.
+    set-point of a position servo (`setpoint_rate_limit`) is inactive, since the command is a torque.
 
     Args:
         model: of a servo.

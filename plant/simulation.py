@@ -11,7 +11,7 @@ from plant.actuator import Course, actuated, played
 from plant.discrete import Method, Structure, integration_steps, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
-from plant.effects.goal_rate_limit import first_goal
+from plant.effects.setpoint_rate_limit import first_setpoint
 from plant.errors import BadParameter
 from plant.integrator import Step
 from plant.measured_torque import supporting_points
@@ -84,7 +84,9 @@ def simulate(
     now, before, switch = held_commands(model, command, steps)
     values = at_switch(model, switch)
     gain = np.broadcast_to(np.asarray(servo_gain, dtype=float), command.shape)
-    begin = beginning(model, goal=first_goal(command, gain)) if state is None else np.asarray(state, dtype=float)
+    begin = (
+        beginning(model, setpoint=first_setpoint(command, gain)) if state is None else np.asarray(state, dtype=float)
+    )
     if begin.shape != (len(model.states),) or not np.isfinite(begin).all():
         raise BadParameter(f"state must be {len(model.states)} finite numbers, one for each state of the model.")
     constant = np.ones_like(steps)
@@ -142,10 +144,10 @@ def actuator_torque(
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
     if (lead := model.lead()) is not None:
         entering = (now + before) / 2 + float(lead) * (now - before) / dt
-    goal = first_goal(command, servo_gain)
+    setpoint = first_setpoint(command, servo_gain)
     first = entering[0] - servo_gain[0] * angle[0] - servo_damping[0] * velocity[0]
     first = float(np.clip(first, -command_limit, command_limit))
-    begin = beginning(model, torque=first, command=float(entering[0]), goal=goal)
+    begin = beginning(model, torque=first, command=float(entering[0]), setpoint=setpoint)
     rows = np.column_stack((entering, servo_gain, angle, velocity, dt, servo_damping))
     _, (torque,) = _actuator(Structure(model))((begin,), rows, model.values, np.array([command_limit]))
     return torque[:, 0]
@@ -175,7 +177,7 @@ def beginning(
     velocity: float = 0.0,
     torque: float = 0.0,
     command: float | None = None,
-    goal: float = 0.0,
+    setpoint: float = 0.0,
 ) -> Array:
     """(n,) state at an angle and a velocity, with all other states settled.
 
@@ -185,14 +187,14 @@ def beginning(
         velocity: of load and motor [rad/s].
         torque: after the drive's law [N m].
         command: before it; the torque by default.
-        goal: set-point of a position servo [rad].
+        setpoint: set-point of a position servo [rad].
     """
     values = {
         State.ANGLE: angle,
         State.VELOCITY: velocity,
         State.TORQUE: torque,
         State.COMMAND: torque if command is None else command,
-        State.GOAL: goal,
+        State.SETPOINT: setpoint,
         State.RELAXED: 0.0,
     }
     return np.array([values[kind] for kind in model.kinds], dtype=float)

@@ -54,7 +54,7 @@ class Beyond:
         remembered: names of stored values, and `after` their next values.
         symbols: angle, velocity, torque after the actuator, on a linear axis position, velocity, force; with a motor
             before the load its angle and velocity; then the stored values.
-        reading: the measurement of the sensor.
+        measurement: of the sensor.
     """
 
     effects: tuple[Effect, ...]
@@ -64,7 +64,7 @@ class Beyond:
     remembered: tuple[str, ...]
     after: tuple[Any, ...]
     symbols: tuple[Any, ...]
-    reading: Any
+    measurement: Any
 
     def needs(self, name: str) -> bool:
         """Whether the torques or the friction depend on a symbol of that name."""
@@ -128,7 +128,7 @@ def beyond(model: ServoModel) -> Beyond:
     shown: Expression = x
     for effect in model.effects:
         if not effect.states:
-            shown = effect.reading(shown, 0.0)
+            shown = effect.measurement(shown, 0.0)
     found = Beyond(
         effects=tuple(e for e in rest if e.stage is not Stage.SENSOR and not e.name.endswith("rate_limit")),
         motor=ca.SX(leaving - torque) if flexible is None else ca.SX(leaving - torque - arriving),
@@ -137,6 +137,6 @@ def beyond(model: ServoModel) -> Beyond:
         remembered=tuple(symbol.name() for symbol in memory) if sliding else (),
         after=(x, *held.values()) if sliding else (),
         symbols=(x, v, torque, *((motor_angle, motor_velocity) if flexible is not None else ()), *memory),
-        reading=ca.SX(shown),
+        measurement=ca.SX(shown),
     )
     return found

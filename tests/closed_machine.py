@@ -1,4 +1,4 @@
-"""The controller in closed loop on the machine that hides effects, which gets the follower torque of its pinions."""
+"""The controller in closed loop on the machine that hides effects, which gets the output torque of its pinions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mpc import Controller
 from plant import GearTrain, ServoModel
 
 GEARS = GearTrain.paper()
-MAX_TORQUE = 1.0  # of a pinion [N m]: 7.9 N m on the follower, the range of the torques in the logs
+MAX_TORQUE = 1.0  # of a pinion [N m]: 7.9 N m on the output gear, the range of the torques in the logs
 NOISE = 1e-3  # of the angle [rad], as in the logs
 SETTLED = 1.0  # from then on errors count [s]: what every model must learn at first is over
 
@@ -47,7 +47,7 @@ class Pinions:
         control = self.controller.step(measured[-1, 0], self.wanted[now : now + self.controller.horizon + 1])
         self.torques.append(control.torques)
         self.statuses.append(control.status)
-        return GEARS.follower_torque(control.torques)
+        return GEARS.output_torque(control.torques)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -131,7 +131,7 @@ class Patient:
         applied = torques.copy()
         if mishap.startswith("drive"):
             applied[int(mishap[6]) - 1] = 0.0
-        torque = float(GEARS.follower_torque(applied)) + (3.0 if mishap == "push" else 0.0)
+        torque = float(GEARS.output_torque(applied)) + (3.0 if mishap == "push" else 0.0)
         inputs = np.array([torque, self._last, 0.0, np.inf, 0.0, self.controller.sample_time, 0.0, 0.0])
         self._state = np.asarray(self._step(self._state, inputs, self._model.values))[:, 0]
         self._last = torque

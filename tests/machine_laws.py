@@ -35,7 +35,7 @@ KNOWN = {
     "cogging": ("amplitude", "order", "phase"),
     "torque_saturation": ("limit",),
     "rate_limit": ("rate",),
-    "goal_rate_limit": ("rate",),
+    "setpoint_rate_limit": ("rate",),
     "back_emf": ("constant",),
     "compliance": ("frequency", "damping", "motor_share"),
     "backlash": ("gap", "motor_share"),
@@ -125,7 +125,7 @@ class Machine:
             raise ValueError("a machine has one drivetrain: compliance or backlash, not both")
         if self.is_servo and {"rate_limit", "actuator_lag"} & set(self.effects):
             raise ValueError("a position servo's torque follows its angle at once: no rate limit, no lag")
-        if not self.is_servo and "goal_rate_limit" in self.effects:
+        if not self.is_servo and "setpoint_rate_limit" in self.effects:
             raise ValueError("a goal has a position servo only: give a servo gain")
 
     def hiding(self, **effects: Mapping[str, ArrayLike]) -> Machine:

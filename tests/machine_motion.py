@@ -100,7 +100,7 @@ def _advance(machine: Machine, state: State, command: Array, load_torque: Array,
 
 def _limit(machine: Machine) -> Mapping[str, ArrayLike] | None:
     """The rate limit of a torque, or of a position servo's goal."""
-    return machine.effects.get("goal_rate_limit" if machine.is_servo else "rate_limit")
+    return machine.effects.get("setpoint_rate_limit" if machine.is_servo else "rate_limit")
 
 
 def _actuator(machine: Machine, state: State, command: Array, h: Array) -> tuple[list[Array], Array, Array]:

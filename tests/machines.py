@@ -44,7 +44,7 @@ def best_by_trying(B: Array, torque: Array, lower: Array, upper: Array, weights:
 def two_drives(rng: np.random.Generator, scale: float) -> Allocator:
     """Any gear train with drives of any kind; rated torque of the order of `scale` [N m]."""
     gears = GearTrain(
-        pinion_teeth=(int(rng.integers(8, 200)), int(rng.integers(8, 200))), follower_teeth=int(rng.integers(8, 400))
+        pinion_teeth=(int(rng.integers(8, 200)), int(rng.integers(8, 200))), output_teeth=int(rng.integers(8, 400))
     )
     most = rng.uniform(0.2, 1.0, 2)
     inertia = rng.uniform(0.0, 0.2) / float(np.max(gears.mesh_ratios))

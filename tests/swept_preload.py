@@ -51,7 +51,7 @@ def swept(teeth: Teeth, seed: int, *, visits: int = 8, length: int = 500, creep:
         label="sweep",
         number=0,
         time=np.arange(commanded.size) * 1e-3,
-        command=GEARS.follower_torque(pinions),
+        command=GEARS.output_torque(pinions),
         output=reading,
         valid=np.ones(commanded.size, dtype=bool),
         servo_gain=np.zeros(commanded.size),

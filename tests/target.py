@@ -20,7 +20,7 @@ from plant.effects import ActuatorLag, Compliance, CoulombFriction, InputDelay
 Array = NDArray[np.float64]
 
 PAPER = GearTrain.paper()
-UNEQUAL = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+UNEQUAL = GearTrain(pinion_teeth=(20, 31), output_teeth=161)
 RIGID = ServoModel(inertia=2.0, gravity=0.45, viscous_friction=1.5)
 MODELS = {
     "rigid": RIGID,

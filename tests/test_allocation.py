@@ -19,7 +19,7 @@ from plant.gears import GearTrain
 Array = NDArray[np.float64]
 
 teeth = st.integers(8, 200)
-trains = st.builds(GearTrain, pinion_teeth=st.tuples(teeth, teeth), follower_teeth=teeth)
+trains = st.builds(GearTrain, pinion_teeth=st.tuples(teeth, teeth), output_teeth=teeth)
 scales = st.sampled_from([0.01, 0.3, 100.0])
 PAPER = GearTrain.paper()
 
@@ -66,7 +66,7 @@ def test_the_qp_agrees_with_the_closed_form(
     assert box_violation(allocator, result.torques) <= 0.0
     assert "certified" not in result.status
     reached = np.clip(torque, low, high)
-    missing = torque - gears.follower_torque(expected)
+    missing = torque - gears.output_torque(expected)
     assert missing == pytest.approx(torque - reached, abs=1e-9 * scale * np.max(gears.mesh_ratios))
 
 
@@ -91,12 +91,12 @@ def test_the_closed_form_is_the_best_of_all_preloads(
     low, high = bounds.reachable()
     torque = low + (high - low) * (0.5 + 0.49 * share)
     best = least_effort(bounds, torque, weights=weights)
-    every = gears.split(torque, np.linspace(-1, 1, 4001) * 2 / min(gears.pinion_teeth))
+    every = gears.pinion_torques(torque, np.linspace(-1, 1, 4001) * 2 / min(gears.pinion_teeth))
     magnitudes = every * [1, -1]
     feasible = every[np.all((magnitudes >= least) & (magnitudes <= 1.0), axis=1)]
     effort = feasible**2 @ np.array(weights)
     assert best**2 @ np.array(weights) <= np.min(effort, initial=np.inf) + 1e-9
-    assert gears.follower_torque(best) == pytest.approx(torque, abs=1e-9 * np.max(gears.mesh_ratios))
+    assert gears.output_torque(best) == pytest.approx(torque, abs=1e-9 * np.max(gears.mesh_ratios))
 
 
 def test_equal_gears_give_the_known_copper_loss() -> None:
@@ -119,7 +119,7 @@ def test_the_preload_comes_before_the_torque() -> None:
     assert not result.is_optimal(1e-3)
 
 
-def test_flank_torque_counts_the_rotor() -> None:
+def test_contact_torque_counts_the_rotor() -> None:
     rotor = 1e-5
     allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor)
     taken = rotor * PAPER.pre_reduction**2 * 8.05 * 3.0  # torque of a rotor at 3 rad/s^2, seen from the pinion
@@ -134,7 +134,7 @@ def test_flank_torque_counts_the_rotor() -> None:
 
 
 def test_an_accelerating_rotor_takes_torque_from_its_drive() -> None:
-    rotor, unequal = 1e-5, GearTrain(pinion_teeth=(20, 31), follower_teeth=161, stages=PAPER.stages)
+    rotor, unequal = 1e-5, GearTrain(pinion_teeth=(20, 31), output_teeth=161, stages=PAPER.stages)
     bounds = Bounds(gears=unequal, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor)
     n1, n2 = 161 / 20, 161 / 31
     taken_1, taken_2 = (rotor * PAPER.pre_reduction**2 * n * 3.0 for n in (n1, n2))

@@ -138,7 +138,7 @@ def test_preload_moves_nothing_along_the_null_direction() -> None:
 # Contact torques.
 
 
-def test_flank_torque_counts_rotor_and_friction() -> None:
+def test_contact_torque_counts_rotor_and_friction() -> None:
     rotor, friction, r = 1e-5, 1e-3, PAPER.pre_reduction
     allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor, motor_friction=friction)
     taken = rotor * r**2 * 8.05 * 3.0

@@ -28,7 +28,7 @@ def test_one_drive_of_two_keeps_the_motion_in_both_senses(drive: int, solver: st
     for torque in (-1.0, 0.0, 1.0):
         result = alone.allocate(torque)
         assert result.torques[drive - 1] == 0.0
-        assert PAPER.follower_torque(result.torques) == pytest.approx(torque)
+        assert PAPER.output_torque(result.torques) == pytest.approx(torque)
         assert result.missing_torque == pytest.approx(0.0, abs=1e-12)
         assert result.status == f"degraded: drive {drive} is lost, and backlash control with it"
         assert result.margin < 0.0

@@ -55,7 +55,7 @@ def test_one_drive_crosses_its_backlash_at_reversals_two_do_not() -> None:
     assert one["tracking_rms"] > 1.8 * summary["tracking_rms"]
     assert summary["samples_without_contact"] == 0
     assert one["samples_without_contact"] > 0.2 * summary["samples"]
-    assert one["impact_on_far_flank"] > 10.0
+    assert one["impact_on_opposite_flank"] > 10.0
     apart = measured(one["samples_without_contact"], summary["std"]["samples_without_contact_single_drive"])
     assert f"in {apart} samples with one" in page
 

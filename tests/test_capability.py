@@ -35,7 +35,7 @@ def test_least_preload_is_the_known_formula() -> None:
 
 def test_the_map_is_what_the_allocator_does() -> None:
     unequal = Allocator(
-        GearTrain(pinion_teeth=(20, 31), follower_teeth=161, stages=PAPER.stages),
+        GearTrain(pinion_teeth=(20, 31), output_teeth=161, stages=PAPER.stages),
         min_torque=LEAST,
         max_torque=MOST,
         rotor_inertia=ROTOR,

@@ -15,7 +15,7 @@ from antidrive.html_page import printed
 from plant.gears import GearTrain
 
 MOST = 161 / 20 * (0.25 - 0.01)
-"""Follower torque at rest with the limits below."""
+"""Output torque at rest with the limits below."""
 
 
 @pytest.fixture(scope="module")

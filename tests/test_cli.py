@@ -251,14 +251,14 @@ def test_a_linear_axis_is_predicted_as_a_position_for_each_run(tmp_path):
 def test_allocate_shares_the_torque_and_keeps_every_bound():
     result = antidrive("allocate", "-1", "0", "2.0", "9", "--json")
     assert result.code == 0, result.err
-    splits = strict_json(result.out)["splits"]
-    for split, wanted in zip(splits, (-1.0, 0.0, 2.0, 9.0), strict=True):
-        first, second = split["torques"]
+    allocations = strict_json(result.out)["allocations"]
+    for found, wanted in zip(allocations, (-1.0, 0.0, 2.0, 9.0), strict=True):
+        first, second = found["torques"]
         assert 0.02 <= first <= 0.3
         assert -0.3 <= second <= -0.02
-        assert -161 / 20 * (first + second) + split["missing_torque"] == pytest.approx(wanted, abs=1e-9)
-    assert [split["status"] == "optimal" for split in splits] == [True, True, True, False]
-    assert splits[3]["missing_torque"] == pytest.approx(9 - 161 / 20 * 0.28)
+        assert -161 / 20 * (first + second) + found["missing_torque"] == pytest.approx(wanted, abs=1e-9)
+    assert [each["status"] == "optimal" for each in allocations] == [True, True, True, False]
+    assert allocations[3]["missing_torque"] == pytest.approx(9 - 161 / 20 * 0.28)
     assert "degraded" in antidrive("allocate", "9").out
 
 
@@ -279,7 +279,7 @@ def test_simulate_keeps_the_contact_while_it_tracks(tmp_path):
     assert len(path) == 300
     assert (path.torque_1 >= 0.02).all()
     assert (path.torque_2 <= -0.02).all()
-    assert summary["least_preload_margin"] == pytest.approx(path[["flank_torque_1", "flank_torque_2"]].min().min())
+    assert summary["least_preload_margin"] == pytest.approx(path[["contact_torque_1", "contact_torque_2"]].min().min())
     assert summary["least_preload_margin"] > 0
     assert summary["tracking_rms"] == pytest.approx(np.sqrt(np.mean((path.angle - path.reference) ** 2)), rel=1e-6)
     assert summary["tracking_rms"] < 2e-3
@@ -320,7 +320,7 @@ def test_motion_outlives_a_drive_but_preload_does_not(tmp_path):
     after = path.time >= 0.8
     assert (path.torque_1[after] == 0).all()
     assert path.status[after].str.startswith("degraded: drive 1 is lost").all()
-    assert (path.flank_torque_1[after] <= 0).any()
+    assert (path.contact_torque_1[after] <= 0).any()
     assert summary["tracking_rms_after_loss"] < 5e-3
     assert summary["least_preload_margin"] > 0
 

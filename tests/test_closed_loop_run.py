@@ -45,7 +45,7 @@ def result(**changes: object) -> ClosedLoopResult:
         torques=np.column_stack((0.1 + k / 1e3, -0.05 - k / 1e3)),
         disturbance=k + 200,
         margin=k + 300,
-        flank_torques=np.column_stack((1.0 + k / COUNT, 0.5 + k / COUNT)),
+        contact_torques=np.column_stack((1.0 + k / COUNT, 0.5 + k / COUNT)),
         status=("optimal",) * COUNT,
     )
     return replace(loop, **changes)
@@ -69,18 +69,18 @@ def test_the_summary_agrees_with_the_arrays() -> None:
 
 
 def test_one_flank_that_opens_once_is_reported() -> None:
-    flanks = result().flank_torques.copy()
+    flanks = result().contact_torques.copy()
     flanks[40, 1] = 0.0
-    parted = trial(flank_torques=flanks)
+    parted = trial(contact_torques=flanks)
     assert parted.summary()["contact_lost"] is True
     assert parted.summary()["least_preload_margin"] == 0.0
     assert "contact was lost" in parted.sentences()[1]
 
 
 def test_the_loss_of_a_drive_divides_the_numbers() -> None:
-    flanks = result().flank_torques.copy()
+    flanks = result().contact_torques.copy()
     flanks[60:, 0] = -3.0  # only after the loss
-    lossy = trial(replace(SHORT, drive_loss=DriveLoss(drive=1, time=0.3)), flank_torques=flanks)
+    lossy = trial(replace(SHORT, drive_loss=DriveLoss(drive=1, time=0.3)), contact_torques=flanks)
     error = 1e-3 * (np.arange(COUNT) - 30)
     assert lossy.summary()["least_preload_margin"] == 0.5
     assert lossy.summary()["contact_lost"] is True
@@ -94,17 +94,17 @@ def test_one_drive_alone_is_counted_by_its_own_flank() -> None:
     flanks = np.full((COUNT, 2), -9.0)  # the second drive is not there; what its flank does says nothing
     flanks[:, 0] = np.where(np.arange(COUNT) < 7, 0.0, 1.0)
     flanks[50, 0] = -2.5
-    both = replace(trial(), single=result(flank_torques=flanks))
+    both = replace(trial(), single=result(contact_torques=flanks))
     alone = both.summary()["single_drive"]
     assert both.summary()["samples_without_contact"] == 0
     assert alone["samples_without_contact"] == 7
-    assert alone["impact_on_far_flank"] == 2.5
+    assert alone["impact_on_opposite_flank"] == 2.5
     assert "samples_without_contact_single_drive" in dict(both.numbers())
 
 
 def test_a_machine_of_one_drive_needs_no_preload() -> None:
     flanks = np.where(np.arange(COUNT) < 7, -0.5, 1.0)[:, None]
-    one = trial(torques=np.full((COUNT, 1), 0.1), flank_torques=flanks)
+    one = trial(torques=np.full((COUNT, 1), 0.1), contact_torques=flanks)
     assert one.sentences()[1] == f"A single drive has no preload: contact is lost in 7 of {COUNT} samples."
 
 
@@ -119,8 +119,8 @@ def test_the_table_names_every_channel_once() -> None:
         "velocity": made.velocity,
         "torque_1": made.torques[:, 0],
         "torque_2": made.torques[:, 1],
-        "flank_torque_1": made.flank_torques[:, 0],
-        "flank_torque_2": made.flank_torques[:, 1],
+        "contact_torque_1": made.contact_torques[:, 0],
+        "contact_torque_2": made.contact_torques[:, 1],
         "disturbance_estimate": made.disturbance,
         "single_drive_angle": np.full(COUNT, 5.0),
         "single_drive_torque": made.torques[:, 0],
@@ -140,9 +140,11 @@ def test_numbers_carry_their_units() -> None:
 
 
 def test_numbers_of_repeated_runs_have_their_scatter() -> None:
-    flanks = result().flank_torques.copy()
+    flanks = result().contact_torques.copy()
     flanks[40, 1] = 0.0
-    others = [trial(angle=0.2 + level * np.ones(COUNT), flank_torques=flanks).summary() for level in (0.1, 0.11, 0.12)]
+    others = [
+        trial(angle=0.2 + level * np.ones(COUNT), contact_torques=flanks).summary() for level in (0.1, 0.11, 0.12)
+    ]
     repeated = replace(trial(angle=np.full(COUNT, 0.29)), again=tuple(others))
     sizes = [0.09, 0.1, 0.11, 0.12]
     assert repeated.scatter()["tracking_rms"] == pytest.approx(np.std(sizes, ddof=1))
@@ -222,7 +224,7 @@ def test_seeds_count_and_the_single_drive_is_the_first() -> None:
 
 def test_the_drive_that_is_left_keeps_its_limit() -> None:
     # the slow gear of drive 1 is lost: the other one would need 0.44 N m for what both of them can give
-    gears = GearTrain(pinion_teeth=(20, 31), follower_teeth=161, stages=GearTrain.paper().stages)
+    gears = GearTrain(pinion_teeth=(20, 31), output_teeth=161, stages=GearTrain.paper().stages)
     rig = Rig(gears=gears, inertia=2.0)
     reference = np.where(np.arange(40) < 2, 0.0, -1.0)
     played = loop_with_drive_loss(

@@ -182,7 +182,7 @@ def test_what_makes_no_command_is_refused(given, message):
 
 
 def test_gear_trains_and_ratios_are_read():
-    assert GearTrain.parse("20,20:161") == GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
+    assert GearTrain.parse("20,20:161") == GearTrain(pinion_teeth=(20, 20), output_teeth=161)
     assert GearTrain.parse(" 20 : 161") == GearTrain.parse("20,20:161")
     assert Ratios.parse("8.05").torque_map.tolist() == [8.05, 8.05]
     assert Ratios.parse(-8.05).torque_map.tolist() == [-8.05, -8.05]

@@ -146,18 +146,18 @@ def test_kscale_limits_the_speed_of_its_goal():
     Few candidates and every fifth run, which leaves each gain and each trajectory, for time.
     """
     dataset = load_dataset("kscale", folder("kscale"))
-    few = ["goal_rate_limit", "input_delay", "sensor_lag"]
+    few = ["setpoint_rate_limit", "input_delay", "sensor_lag"]
     log = replace(dataset.estimation, runs=dataset.estimation.runs[::5])
     assert len({run.label.split(" kp ")[1] for run in log.runs}) == 6
     found = diagnose(log, dataset.base, dataset.holdout, candidates=few)
     assert (found.verdict, found.causes) == ("unknown", ())
     assert found.unknown.share > 0.05  # of the torque: above it no name stands
     assert found.unknown.depends_on == ("velocity",)
-    assert [minor.effect for minor in found.minor] == ["goal_rate_limit"]
+    assert [minor.effect for minor in found.minor] == ["setpoint_rate_limit"]
     of = {each.effects: each for each in found.sets}
-    limited = of["goal_rate_limit",]
+    limited = of["setpoint_rate_limit",]
     assert limited.log_marginal > of[()].log_marginal + 100
-    assert limited.fit.model.effect("goal_rate_limit").rate == pytest.approx(5.0, rel=0.1)
+    assert limited.fit.model.effect("setpoint_rate_limit").rate == pytest.approx(5.0, rel=0.1)
     assert mean_error(dataset.holdout, limited.fit.model) < 0.022 < mean_error(dataset.holdout, found.model) < 0.033
 
 

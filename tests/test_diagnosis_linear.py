@@ -42,23 +42,25 @@ def test_columns_side_by_side_follow_the_recursion(samples: int) -> None:
     assert found == pytest.approx(np.array(seen), rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize("on_reading", [False, True])
+@pytest.mark.parametrize("on_measurement", [False, True])
 @pytest.mark.parametrize("columns", [1, AT_ONCE, 2 * AT_ONCE + 3])
-def test_torques_and_readings_of_any_number_keep_their_places(columns: int, on_reading: bool) -> None:
+def test_torques_and_readings_of_any_number_keep_their_places(columns: int, on_measurement: bool) -> None:
     linear, rng = random_linear(60, 2), np.random.default_rng(4)
     inputs = rng.normal(size=(60, columns))
-    together = linear.response(inputs, on_reading=on_reading)
-    alone = [linear.response(inputs[:, [k]], on_reading=on_reading)[:, 0] for k in range(columns)]
+    together = linear.response(inputs, on_measurement=on_measurement)
+    alone = [linear.response(inputs[:, [k]], on_measurement=on_measurement)[:, 0] for k in range(columns)]
     assert together == pytest.approx(np.array(alone).T, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("colour", COLOURS)
-@pytest.mark.parametrize("on_reading", [False, True])
-def test_the_score_is_the_adjoint_of_the_response(on_reading: bool, colour: tuple[float, ...]) -> None:
+@pytest.mark.parametrize("on_measurement", [False, True])
+def test_the_score_is_the_adjoint_of_the_response(on_measurement: bool, colour: tuple[float, ...]) -> None:
     linear, rng = random_linear(400, 3, colour), np.random.default_rng(2)
     innovations, column = rng.normal(size=400), rng.normal(size=(400, 1))
-    along = -innovations @ linear.response(column, on_reading=on_reading)[:, 0]
-    assert linear.score(innovations[:, None])[int(on_reading)][:, 0] @ column[:, 0] == pytest.approx(along, rel=1e-12)
+    along = -innovations @ linear.response(column, on_measurement=on_measurement)[:, 0]
+    assert linear.score(innovations[:, None])[int(on_measurement)][:, 0] @ column[:, 0] == pytest.approx(
+        along, rel=1e-12
+    )
 
 
 def predicted_and_seen(

@@ -64,7 +64,7 @@ def test_a_killed_worker_costs_no_result_and_no_bit(workers: object, alone: Mont
         if workers is processes:
             with pytest.raises(BrokenExecutor):
                 executor.submit(math.sqrt, 1.0).result()
-    for name in ("factors", "tracking_rms", "least_flank_torque", "degraded", "copper_loss"):
+    for name in ("factors", "tracking_rms", "minimum_contact_torque", "degraded", "copper_loss"):
         assert np.array_equal(getattr(few, name), getattr(alone, name)[:4]), name
         assert np.array_equal(getattr(found, name), getattr(alone, name)), name
     assert [line.split(":")[0] for line in lines] == [f"{n} of {RUNS}" for n in range(1, RUNS + 1)]

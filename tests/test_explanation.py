@@ -235,7 +235,7 @@ def test_every_rejected_effect_has_one_reason() -> None:
 class Ducts(Windage):
     name = "duct_air"
     title = "air in the ducts"
-    trace = "a roar"
+    signature = "a roar"
 
 
 def test_an_effect_of_ones_own_has_its_title_and_its_signature() -> None:

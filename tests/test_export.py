@@ -93,7 +93,7 @@ def test_single_precision_keeps_limits(limits: dict[str, object], tmp_path: Path
         torques = loaded.step(rig.measure(state, rng), 0.3 * np.sin(0.01 * k))
         state = rig.advance(state, torques, 0.005)
         uncertified += bool(loaded.status & 64)
-        torque = float(PAPER.follower_torque(torques))
+        torque = float(PAPER.output_torque(torques))
         most = np.maximum(most, [abs(state.angle), abs(state.velocity), abs(torque - before) / 0.005 * (k > 0)])
         before = torque
     print(f"{limits}: {uncertified} of 500 not certified; greatest angle, speed and rate {most}")

@@ -51,7 +51,7 @@ def test_an_effect_means_what_the_catalogue_means_by_it(name):
     )
     model = ServoModel(**rigid, effects=(catalogue[name](**EFFECTS[name]),))
     states = simulate(model, command=command, dt=DT, substeps=20)[:-1]
-    expected = np.array([float(model.reading(state)) for state in states])
+    expected = np.array([float(model.measurement(state)) for state in states])
     alike = slice(0, N if name != "backlash" else 200)  # knocks are chaotic: later on no two methods agree
     assert np.abs(moved.reading - expected)[alike].max() < 5e-3 * np.abs(moved.reading - plain.reading)[alike].max()
 

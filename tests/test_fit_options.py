@@ -122,7 +122,7 @@ def test_the_words_reach_the_work(command, place, monkeypatch, tmp_path) -> None
         ("--effects broken.py", "broken.py: line 2: ZeroDivisionError"),
         ("--effects wrong.py", "wrong.py: line 1: SyntaxError"),
         ("--effects hollow.py", "defines no effect"),
-        ("--effects nameless.py", "Nameless does not say its name, title, stage, equation, trace"),
+        ("--effects nameless.py", "Nameless does not say its name, title, stage, equation, signature"),
         ("--effects known.py", "'cogging' is an effect of the catalogue"),
         ("--effects plain.py", "@dataclass(frozen=True, kw_only=True) above Plain"),
     ],
@@ -130,7 +130,7 @@ def test_the_words_reach_the_work(command, place, monkeypatch, tmp_path) -> None
 def test_words_that_cannot_be_are_reported_in_one_sentence(words, expected, place, monkeypatch) -> None:
     monkeypatch.chdir(place)
     head = "from plant import Effect\nfrom plant.effects import Stage\n"
-    body = '    title = equation = trace = "x"\n    stage = Stage.LOAD\n'
+    body = '    title = equation = signature = "x"\n    stage = Stage.LOAD\n'
     files = {
         "broken": "x = 1\ny = x / 0\n",
         "wrong": "def (",

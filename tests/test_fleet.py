@@ -39,8 +39,8 @@ def fleet() -> Fleet:
 
 def torques() -> Array:
     """(T, B, 2) sines of another height for each machine, under little preload [N m]."""
-    follower = np.sin(2 * np.pi * 4.0 * np.arange(LENGTH) * DT)[:, None] * np.linspace(1.0, 9.0, COUNT)
-    return Rig.paper_like().gears.split(follower, 0.002)
+    output_torque = np.sin(2 * np.pi * 4.0 * np.arange(LENGTH) * DT)[:, None] * np.linspace(1.0, 9.0, COUNT)
+    return Rig.paper_like().gears.pinion_torques(output_torque, 0.002)
 
 
 def pushes() -> Array:
@@ -60,7 +60,7 @@ def assert_same(one: RigRecord | FleetRecord, other: RigRecord | FleetRecord) ->
 def test_every_machine_moves_as_if_it_were_alone() -> None:
     together = played()
     assert together.angle.shape == (LENGTH, COUNT)
-    assert together.flank_torques.shape == (LENGTH, COUNT, 2)
+    assert together.contact_torques.shape == (LENGTH, COUNT, 2)
     assert np.unique(together.true_angle[-1]).size == COUNT
     for b in (0, 17, COUNT - 1):
         alone = fleet().rigs[b].run(torques()[:, b], DT, seed=b, disturbance=pushes()[:, b])
@@ -86,7 +86,7 @@ def test_a_run_goes_on_where_another_ended() -> None:
     first = fleet().run(torques()[:11], DT, range(COUNT), disturbance=pushes()[:11])
     rest = fleet().run(torques()[11:], DT, range(COUNT), start=first.end, disturbance=pushes()[11:])
     np.testing.assert_array_equal(rest.true_angle, whole.true_angle[11:])
-    np.testing.assert_array_equal(rest.least_flank_torques, whole.least_flank_torques[11:])
+    np.testing.assert_array_equal(rest.minimum_contact_torques, whole.minimum_contact_torques[11:])
 
 
 def test_the_loop_can_be_closed_around_a_fleet() -> None:
@@ -94,10 +94,10 @@ def test_the_loop_can_be_closed_around_a_fleet() -> None:
     state = machines.rest(0.1, (0.05, -0.05))
     for _ in range(300):
         error = 0.2 - machines.measure(state)
-        follower = 40.0 * error - 12.0 * state.rows[:, 1]
-        state = machines.advance(state, machines.rigs[0].gears.split(follower, 0.01), DT)
+        output_torque = 40.0 * error - 12.0 * state.rows[:, 1]
+        state = machines.advance(state, machines.rigs[0].gears.pinion_torques(output_torque, 0.01), DT)
     assert machines.measure(state) == pytest.approx(np.full(COUNT, 0.2), abs=0.03)
-    assert machines.motor_angles(state).shape == machines.flank_torques(state).shape == (COUNT, 2)
+    assert machines.motor_angles(state).shape == machines.contact_torques(state).shape == (COUNT, 2)
 
 
 def test_refuses_what_is_no_fleet() -> None:

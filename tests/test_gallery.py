@@ -48,7 +48,7 @@ def test_every_effect_has_a_section_with_its_confounded_effects(page: str) -> No
     for name, kind in catalogue.items():
         part = unescape(found[name])
         assert kind.title.lower() in part.lower()
-        assert f"<b>Shows as:</b> {kind.trace}." in part
+        assert f"<b>Shows as:</b> {kind.signature}." in part
         assert "<math" in part
         for spec in kind.parameters():
             row = next(row for row in part.split("<tr>") if f"<td>{spec.meaning}</td>" in row)
@@ -60,8 +60,8 @@ def test_every_effect_has_a_section_with_its_confounded_effects(page: str) -> No
         assert linked == [*kind.contains, *kind.confused_with]
         shares = part.count("Here it could absorb")
         assert shares == len(kind.confused_with) - (
-            name == "goal_rate_limit"
-        )  # a rate limit has no trace beside a goal
+            name == "setpoint_rate_limit"
+        )  # a rate limit has no regressors beside a goal
         assert part.count("application/json") == 2
 
 
@@ -146,7 +146,7 @@ def test_a_special_case_is_adopted_whole_other_effects_are_not() -> None:
         assert collinear_share(CoulombFriction, catalogue[name]) > 0.99
     assert collinear_share(catalogue["asymmetric_friction"], CoulombFriction) < 0.5
     assert collinear_share(catalogue["periodic_disturbance"], catalogue["cogging"]) < 0.5
-    assert collinear_share(catalogue["goal_rate_limit"], catalogue["rate_limit"]) is None
+    assert collinear_share(catalogue["setpoint_rate_limit"], catalogue["rate_limit"]) is None
     assert absorbed_share(*((s := seen(CoulombFriction)).effect, s.excitation)) > 0.9
     assert absorbed_share(*((s := seen(catalogue["compliance"])).effect, s.excitation)) < 0.5
 
@@ -154,7 +154,7 @@ def test_a_special_case_is_adopted_whole_other_effects_are_not() -> None:
 @pytest.mark.parametrize("name", catalogue)
 def test_a_typical_effect_shows_in_a_motion_and_keeps_its_bounds(name: str) -> None:
     kind = catalogue[name]
-    motion = standard_excitation(name == "goal_rate_limit", kind).motion
+    motion = standard_excitation(name == "setpoint_rate_limit", kind).motion
     effect = kind.typical(motion)
     assert isinstance(effect, kind)
     doubled = kind.typical(replace(motion, torque=2.0 * motion.torque, command=2.0 * motion.command))
@@ -187,14 +187,14 @@ class Ghost(Effect):
     title = "<i>ghost</i>"
     stage = Stage.SENSOR
     equation = r"x_a_b"
-    trace = "nothing & nothing"
+    signature = "nothing & nothing"
     confused_with = ("windage", "cogging")
     axes = ("linear",)
 
     size: float = parameter("{torque}", "how much", lower=-1.0, upper=2.0)
 
     @classmethod
-    def traces(cls, motion):
+    def regressors(cls, motion):
         return iter(())
 
 
@@ -202,7 +202,7 @@ def test_an_effect_of_ones_own_gets_its_part() -> None:
     found = sections(gallery_page(PROVENANCE, {"windage": Windage, "ghost": Ghost}))
     assert found["windage"].count("application/json") == 2
     assert "N m s^3/rad^3 or N s^3/m^3" in found["windage"]
-    assert Windage.trace in found["windage"]
+    assert Windage.signature in found["windage"]
     assert "Smooth as it stands" in found["windage"]
     ghost = found["ghost"]
     assert "It has no signature under this excitation." in ghost

@@ -14,7 +14,7 @@ teeth = st.integers(5, 400)
 trains = st.builds(
     GearTrain,
     pinion_teeth=st.tuples(teeth, teeth),
-    follower_teeth=teeth,
+    output_teeth=teeth,
     stages=st.lists(st.tuples(teeth, teeth), max_size=4).map(tuple),
 )
 torques = st.floats(-1e3, 1e3)
@@ -28,11 +28,11 @@ def test_the_papers_train() -> None:
     assert gears.torque_map == pytest.approx([-8.05, -8.05])
     assert gears.null_vector == pytest.approx([20, -20])
     # of unequal pinions the first one gives the ratio
-    assert GearTrain(pinion_teeth=(20, 31), follower_teeth=161, stages=((46, 23),)).ratio == pytest.approx(16.1)
+    assert GearTrain(pinion_teeth=(20, 31), output_teeth=161, stages=((46, 23),)).ratio == pytest.approx(16.1)
 
 
 def test_the_particular_solution_is_the_printed_one() -> None:
-    gears = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+    gears = GearTrain(pinion_teeth=(20, 31), output_teeth=161)
     n1, n2, nf = 20, 31, 161
     expected = np.array([-n1 * n2**2, -(n1**2) * n2]) / (nf * (n1**2 + n2**2)) * 3.0
     assert gears.particular(3.0) == pytest.approx(expected, rel=1e-14)
@@ -40,9 +40,9 @@ def test_the_particular_solution_is_the_printed_one() -> None:
 
 @given(trains, torques, torques)
 def test_the_split_gives_the_torque_whatever_the_preload(gears: GearTrain, torque: float, preload: float) -> None:
-    xi = gears.split(torque, preload)
+    xi = gears.pinion_torques(torque, preload)
     scale = np.abs(gears.torque_map) @ np.abs(xi) + abs(torque)
-    assert gears.follower_torque(xi) == pytest.approx(torque, abs=1e-12 * scale + 1e-12)
+    assert gears.output_torque(xi) == pytest.approx(torque, abs=1e-12 * scale + 1e-12)
 
 
 @given(trains)
@@ -60,7 +60,7 @@ def test_the_particular_solution_is_the_one_of_least_norm(gears: GearTrain, torq
 
 @given(trains, torques, torques, st.floats(-50, 50))
 def test_the_meshes_lose_no_power(gears: GearTrain, torque: float, preload: float, load_speed: float) -> None:
-    xi = gears.split(torque, preload)
+    xi = gears.pinion_torques(torque, preload)
     pinion_power = xi @ (gears.angle_map * load_speed)
     scale = np.abs(xi) @ np.abs(gears.angle_map * load_speed) + abs(torque * load_speed)
     assert pinion_power == pytest.approx(torque * load_speed, abs=1e-12 * scale + 1e-12)
@@ -70,18 +70,18 @@ def test_the_meshes_lose_no_power(gears: GearTrain, torque: float, preload: floa
 def test_a_large_enough_preload_holds_the_sense(gears: GearTrain) -> None:
     for torque in (-7.0, 0.0, 7.0):
         enough = 1 + np.max(np.abs(gears.particular(torque) / gears.null_vector))
-        assert np.all(np.sign(gears.split(torque, enough)) == [1, -1])
-        assert np.all(np.sign(gears.split(torque, -enough)) == [-1, 1])
+        assert np.all(np.sign(gears.pinion_torques(torque, enough)) == [1, -1])
+        assert np.all(np.sign(gears.pinion_torques(torque, -enough)) == [-1, 1])
 
 
 def test_splits_many_torques_at_once() -> None:
-    gears = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+    gears = GearTrain(pinion_teeth=(20, 31), output_teeth=161)
     torque, preload = np.array([-1.0, 0.0, 2.0]), np.array([0.1, 0.2, 0.3])
-    together = gears.split(torque, preload)
+    together = gears.pinion_torques(torque, preload)
     assert together.shape == (3, 2)
     for row, tau, lam in zip(together, torque, preload, strict=True):
-        assert row == pytest.approx(gears.split(tau, lam))
-    assert gears.split(torque, 0.1).shape == (3, 2)
+        assert row == pytest.approx(gears.pinion_torques(tau, lam))
+    assert gears.pinion_torques(torque, 0.1).shape == (3, 2)
 
 
 @pytest.mark.parametrize(
@@ -92,12 +92,12 @@ def test_splits_many_torques_at_once() -> None:
         {"pinion_teeth": (20, 20.5)},
         {"pinion_teeth": (20, True)},
         {"pinion_teeth": (20,)},
-        {"follower_teeth": 0},
+        {"output_teeth": 0},
         {"stages": ((46,),)},
         {"stages": ((46, 0),)},
     ],
 )
 def test_refuses_teeth_that_cannot_be(bad: dict[str, object]) -> None:
-    good: dict[str, object] = {"pinion_teeth": (20, 20), "follower_teeth": 161}
+    good: dict[str, object] = {"pinion_teeth": (20, 20), "output_teeth": 161}
     with pytest.raises(BadParameter):
         GearTrain(**{**good, **bad})  # type: ignore[arg-type]

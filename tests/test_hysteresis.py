@@ -36,9 +36,9 @@ def test_its_trace_holds_that_of_dahls_friction() -> None:
     log, model = record(Machine(), excitation(1, duration=5.0), noise=1e-3).log(), ServoModel.paper()
     base = fit(log, model)
     motion = Screen.of(base).motion
-    traces = list(zip(PreslidingHysteresis.traces(motion), Hysteresis.traces(motion), strict=True))
-    assert len(traces) == 8
-    for dahl, own in traces:
+    regressors = list(zip(PreslidingHysteresis.regressors(motion), Hysteresis.regressors(motion), strict=True))
+    assert len(regressors) == 8
+    for dahl, own in regressors:
         assert own.columns @ -KNOTS == pytest.approx(dahl.columns[:, 0], abs=1e-9)
 
 
@@ -61,7 +61,7 @@ class Harness(Effect):
 
     name = title = "harness"
     stage = Stage.LOAD
-    equation = trace = ""
+    equation = signature = ""
     states = (State.RELAXED,)
     longest_step = 1e-3
 

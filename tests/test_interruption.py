@@ -182,7 +182,7 @@ def test_what_a_console_cannot_show_is_replaced(words, encoding, tmp_path, monke
     assert code == (2 if words.startswith("simulate") else 0), err
     assert "Traceback" not in err
     if "json" in words:
-        assert json.loads(out)["splits"][0]["torques"][0] == pytest.approx(0.02)
+        assert json.loads(out)["allocations"][0]["torques"][0] == pytest.approx(0.02)
     if "capability" in words:
         assert "report.html" in out
         assert (tmp_path / "ö" / "report.html").exists()

@@ -119,7 +119,7 @@ def test_a_limit_takes_away_what_cannot_be_had():
 
 @dataclass(frozen=True, kw_only=True)
 class Squared(Effect):
-    name, title, stage, equation, trace = "squared", "squared command", Stage.ACTUATOR, "", ""
+    name, title, stage, equation, signature = "squared", "squared command", Stage.ACTUATOR, "", ""
 
     def command(self, torque, state, velocity):
         return torque * torque

@@ -23,7 +23,7 @@ HIDDEN = {
     "cogging": {"amplitude": 0.2, "order": 11.0, "phase": 0.7},
     "torque_saturation": {"limit": 3.0},
     "rate_limit": {"rate": 60.0},
-    "goal_rate_limit": {"rate": 5.0},
+    "setpoint_rate_limit": {"rate": 5.0},
     "back_emf": {"constant": 0.3},
     "compliance": {"frequency": 60.0, "damping": 0.1, "motor_share": 0.3},
     "backlash": {"gap": 0.02, "motor_share": 0.2},
@@ -38,7 +38,7 @@ HIDDEN = {
     "sensor_lag": {"time_constant": 0.004},
     "torque_measurement_lag": {"time_constant": 0.004},
 }
-DRIVE = {"goal_rate_limit": {"servo_gain": 40.0, "command_limit": 60.0}}  # what only a position servo can have
+DRIVE = {"setpoint_rate_limit": {"servo_gain": 40.0, "command_limit": 60.0}}  # what only a position servo can have
 
 
 def plain(**effects: dict[str, float]) -> Machine:
@@ -183,7 +183,7 @@ def test_effects_that_exclude_or_misname_are_refused() -> None:
     with pytest.raises(ValueError, match="takes"):
         Machine(effects={"end_stop": {"angle": 1.0}})
     with pytest.raises(ValueError, match="servo gain"):
-        Machine(effects={"goal_rate_limit": {"rate": 1.0}})
+        Machine(effects={"setpoint_rate_limit": {"rate": 1.0}})
     with pytest.raises(ValueError, match="no lag"):
         Machine(effects={"actuator_lag": {"time_constant": 0.1}}, servo_gain=1.0)
 
@@ -219,7 +219,7 @@ def test_a_servo_swings_behind_a_goal_that_moves_at_its_rate(gain: float) -> Non
     """Without friction: r (t - sin(w t) / w) up to the end of the ramp, from there about the goal."""
     rate, w, goal = 0.9, np.sqrt(gain / 1.5), 0.7
     machine = Machine(
-        inertia=1.5, gravity=0.0, viscous_friction=0.0, effects={"goal_rate_limit": {"rate": rate}}, servo_gain=gain
+        inertia=1.5, gravity=0.0, viscous_friction=0.0, effects={"setpoint_rate_limit": {"rate": rate}}, servo_gain=gain
     )
     out = exact(machine, np.where(np.arange(500) < 100, 0.0, goal), steps=16)
     t, end = np.maximum(out.time - 100 * SAMPLE, 0.0), goal / rate

@@ -40,7 +40,7 @@ def injected(model: ServoModel, frequency: float) -> complex:
         control_ = controller.step(float(state[-1] if "sensor_lag" in model.states else state[0]), ANGLE)
         assert control_.status == "optimal"
         added[k] = 0.02 * np.sin(2 * np.pi * frequency * k * dt)
-        total[k] = float(PAPER.follower_torque(control_.torques)) + added[k]
+        total[k] = float(PAPER.output_torque(control_.torques)) + added[k]
         under_way.append(total[k])
         inputs = np.array([under_way[1], under_way[0], 0.0, np.inf, 0.0, dt, 0.0, 0.0])
         state = np.asarray(step(state, inputs, values))[:, 0]

@@ -21,7 +21,7 @@ def held(controller: Controller, state: np.ndarray, samples: int = 400) -> tuple
     path, torques = [], []
     for _ in range(samples):
         control = controller.step(state[0], 0.3)
-        torques.append(float(PAPER.follower_torque(control.torques)))
+        torques.append(float(PAPER.output_torque(control.torques)))
         state = simulate(HEAVY, command=np.array(torques[-1:]), dt=controller.sample_time, state=state)[-1]
         path.append(state[0])
     return state, np.array(path), torques

@@ -39,14 +39,14 @@ def test_it_tracks_and_keeps_the_contact() -> None:
     result = run(RIGID)
     assert result.tracking_rms < 3 * COUNT
     assert result.degraded == 0
-    assert result.least_flank_torque > 0.0
+    assert result.minimum_contact_torque > 0.0
     assert np.all(result.torques[:, 0] >= 0.02)
     assert np.all(result.torques[:, 1] <= -0.02)
     assert np.all(np.abs(result.torques) <= 0.3)
 
 
 def test_without_preload_they_part() -> None:
-    assert run(RIGID, min_torque=0.0).least_flank_torque <= 0.0
+    assert run(RIGID, min_torque=0.0).minimum_contact_torque <= 0.0
 
 
 @pytest.mark.parametrize("load", [0.4, -0.5])
@@ -83,7 +83,7 @@ def test_a_reference_jump_keeps_contact_without_overshoot(seed: int) -> None:
     result = closed_loop(Controller(RIGID, PAPER), RIG, lambda t: 0.5 * (t > 0.2), 3.0, seed=seed)
     assert np.max(result.angle) < 0.515
     assert abs(result.angle[-1] - 0.5) < 2 * COUNT
-    assert result.least_flank_torque > 0.0
+    assert result.minimum_contact_torque > 0.0
 
 
 def test_a_reference_jump_is_followed_with_little_margin_too() -> None:
@@ -95,7 +95,7 @@ def test_a_reference_jump_is_followed_with_little_margin_too() -> None:
 def test_a_reference_out_of_reach_is_approached_without_cycling() -> None:
     result = closed_loop(four_hertz(RIGID, PAPER), RIG, lambda t: 0.4 * np.sin(2 * np.pi * 0.25 * t), 3.0, seed=0)
     assert np.max(np.abs(result.angle)) < 0.5
-    assert result.least_flank_torque > 0.0
+    assert result.minimum_contact_torque > 0.0
 
 
 def exact_servo(plant: ServoModel) -> Callable[[Array, Array], Array]:
@@ -108,7 +108,7 @@ def exact_servo(plant: ServoModel) -> Callable[[Array, Array], Array]:
     commands = deque([0.0] * (int(whole) + 2), maxlen=int(whole) + 2)
 
     def advance(state: Array, torques: Array) -> Array:
-        commands.append(float(PAPER.follower_torque(torques)))
+        commands.append(float(PAPER.output_torque(torques)))
         inputs = np.array([commands[1], commands[0], 0.0, np.inf, 0.0, 0.005, 0.0, 0.0])
         return np.asarray(step(state, inputs, values))[:, 0]
 
@@ -167,9 +167,9 @@ def test_the_torque_changes_no_faster_than_it_may() -> None:
     for k in range(600):
         control = bounded.step(state[0], np.full(31, 0.2 * (k > 50)))
         assert control.status in ("optimal", "degraded: the load does not follow the reference")  # by the rate limit
-        torques.append(float(PAPER.follower_torque(control.torques)))
+        torques.append(float(PAPER.output_torque(control.torques)))
         if k:
-            ahead = PAPER.follower_torque(control.predicted_torques) - torques[-2]
+            ahead = PAPER.output_torque(control.predicted_torques) - torques[-2]
             worst = max(worst, float(np.max(np.abs(ahead) - 0.1 * np.arange(1, 31))))
         state = advance(state, control.torques)
     steps = np.abs(np.diff(torques))
@@ -188,7 +188,7 @@ def test_preload_falls_at_its_rate_and_rises_with_the_torque() -> None:
         control, other = slow.step(state[0], reference), least.step(state[0], reference)
         preloads.append((control.torques[0] - control.torques[1]) / 2)
         lowest.append((other.torques[0] - other.torques[1]) / 2)
-        assert PAPER.follower_torque(control.torques) == pytest.approx(PAPER.follower_torque(other.torques), abs=1e-9)
+        assert PAPER.output_torque(control.torques) == pytest.approx(PAPER.output_torque(other.torques), abs=1e-9)
         assert np.all(control.torques * [1, -1] >= 0.02)
         assert control.margin >= -1e-12
         state = advance(state, control.torques)
@@ -202,7 +202,7 @@ def test_preload_falls_at_its_rate_and_rises_with_the_torque() -> None:
 def test_results_add_up() -> None:
     result = run(RIGID, duration=0.5)
     assert result.time.shape == result.angle.shape == (100,)
-    assert result.torques.shape == result.flank_torques.shape == (100, 2)
+    assert result.torques.shape == result.contact_torques.shape == (100, 2)
     assert len(result.status) == 100
     assert result.reference == pytest.approx(swing(result.time))
     assert result.copper_loss == pytest.approx(np.mean(result.torques[:, 0] ** 2 + result.torques[:, 1] ** 2))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from allocation import Bounds, least_effort
 from mpc import Control, Controller
 from mpc.drive import DriveInverse
-from mpc.stage_allocation import machine, reach, split
+from mpc.stage_allocation import allocation, machine, reach
 from plant import GearTrain, ServoModel, file_cache, machine_code
 from plant.effects import (
     ActuatorLag,
@@ -28,7 +28,7 @@ from plant.effects import (
 
 Array = NDArray[np.float64]
 PAPER = GearTrain.paper()
-UNEQUAL = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+UNEQUAL = GearTrain(pinion_teeth=(20, 31), output_teeth=161)
 RIGID = ServoModel()
 with_compiler = pytest.mark.skipif(machine_code.compiler() is None, reason="no C compiler here")
 MODELS = {
@@ -138,8 +138,10 @@ def test_the_split_is_the_allocators(gears: GearTrain, rotor: float, friction: f
         wanted, velocity, acceleration = rng.normal(size=3) * [2.0, 1.0, 20.0]
         ends = np.array(reach()(velocity, acceleration, numbers))[:, 0]
         assert ends == pytest.approx(drive.effective(bounds.reachable(acceleration), velocity), abs=1e-12)
-        _, torques, given, margin = (np.array(x)[:, 0] for x in split()(0.0, wanted, velocity, acceleration, numbers))
+        _, torques, given, margin = (
+            np.array(x)[:, 0] for x in allocation()(0.0, wanted, velocity, acceleration, numbers)
+        )
         expected = least_effort(bounds, drive.command(wanted, velocity), acceleration)
         assert torques == pytest.approx(expected, abs=1e-12)
-        assert given[0] == pytest.approx(drive.effective(gears.follower_torque(expected), velocity), abs=1e-12)
+        assert given[0] == pytest.approx(drive.effective(gears.output_torque(expected), velocity), abs=1e-12)
         assert margin[0] == pytest.approx(bounds.margin(expected, acceleration), abs=1e-12)

@@ -25,7 +25,7 @@ from plant.gears import GearTrain
 Array = NDArray[np.float64]
 
 PAPER = GearTrain.paper()
-UNEQUAL = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+UNEQUAL = GearTrain(pinion_teeth=(20, 31), output_teeth=161)
 QUIET = {"printLevel": "none"}
 RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
 
@@ -123,7 +123,7 @@ def test_the_torques_solve_the_program_as_written(start: float, horizon: int, ta
     assert solver.stats()["success"]
     x = np.asarray(answer["x"])[:, 0]
     assert control.status == "optimal"
-    assert PAPER.follower_torque(control.predicted_torques) == pytest.approx(x[2 * N :], abs=1e-5 * reach)
+    assert PAPER.output_torque(control.predicted_torques) == pytest.approx(x[2 * N :], abs=1e-5 * reach)
     assert control.predicted_angle[1:] == pytest.approx(x[: 2 * N : 2], abs=1e-6)
 
 
@@ -131,7 +131,7 @@ WAVY = RIGID.with_effect(Cogging(amplitude=1.5, order=200.0, phase=0.3))
 
 
 def nonlinear_optimum(controller: Controller, start: float, wanted: Array) -> Array:
-    """(N,) follower torques by a nonlinear solver for the model, from rest without an earlier torque.
+    """(N,) output torques by a nonlinear solver for the model, from rest without an earlier torque.
 
     The feedforward torque has no cost.
     """
@@ -161,7 +161,7 @@ def test_a_full_solution_is_that_of_the_nonlinear_program() -> None:
         control = controller.step(0.1, wanted)
         assert control.status == "optimal"
         best = nonlinear_optimum(controller, 0.1, wanted)
-        errors.append(np.max(np.abs(PAPER.follower_torque(control.predicted_torques) - best)))
+        errors.append(np.max(np.abs(PAPER.output_torque(control.predicted_torques) - best)))
     assert errors[1] < 1e-5
     assert errors[0] > 1e-3
 
@@ -312,7 +312,7 @@ def test_backlash_that_the_preload_closes_is_left_out() -> None:
 
 def test_a_torque_that_the_drive_cannot_give_is_not_planned() -> None:
     controller = four_hertz(RIGID.with_effect(TorqueSaturation(limit=1.0)), PAPER)
-    most = [np.max(np.abs(PAPER.follower_torque(controller.step(0.0, 1.0).predicted_torques))) for _ in range(60)]
+    most = [np.max(np.abs(PAPER.output_torque(controller.step(0.0, 1.0).predicted_torques))) for _ in range(60)]
     assert max(most) == pytest.approx(1.0, abs=1e-9)  # of the 2.25 N m of the pinions
 
 
@@ -320,14 +320,14 @@ def test_torques_inside_a_dead_zone_are_avoided() -> None:
     controller = four_hertz(ServoModel(gravity=0.0, effects=(DeadZone(half_width=0.5),)), PAPER)
     for _ in range(40):
         control = controller.step(0.0, 0.001)
-    assert abs(float(PAPER.follower_torque(control.torques))) > 0.5
+    assert abs(float(PAPER.output_torque(control.torques))) > 0.5
 
 
 def test_the_plan_stays_within_what_a_dead_zone_lets_through() -> None:
     controller = four_hertz(ServoModel(gravity=0.0, effects=(DeadZone(half_width=0.5),)), PAPER)
     for reference in (1.0, -1.0):
         control = controller.step(0.0, np.full(31, reference))
-        torques = PAPER.follower_torque(control.predicted_torques)
+        torques = PAPER.output_torque(control.predicted_torques)
         assert controller._plan is not None
         wide = np.abs(controller._plan) > 0.05  # outside the ramp against chattering of small torques
         assert np.max(np.abs(controller._plan)) > 1.0

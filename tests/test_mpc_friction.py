@@ -14,7 +14,7 @@ from plant.effects import CoulombFriction, Effect, PreslidingHysteresis, Stribec
 from plant.errors import BadParameter
 
 Array = NDArray[np.float64]
-GEARS = GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
+GEARS = GearTrain(pinion_teeth=(20, 20), output_teeth=161)
 TEETH: dict[str, Any] = {"flank_stiffness": 5e3, "flank_damping": 1.0, "fine_step": 25e-6}
 LIGHT = Rig(gears=GEARS, inertia=0.02, gravity=0.1, viscous_friction=0.02, coulomb_friction=0.25, **TEETH)
 STICKY = Rig(
@@ -50,7 +50,7 @@ def test_known_friction_improves_tracking_on_a_light_axis(rig: Rig, factor: floa
     errors = np.array([[error(loop) for loop in loops] for loops in (known, unknown)])  # a stuck load is an outlier
     assert np.median(errors[0]) < 0.55 * np.median(errors[1])
     assert errors[0].max() < 1.5 * np.median(errors[1])
-    assert min(loop.least_flank_torque for loop in known) > 0
+    assert min(loop.minimum_contact_torque for loop in known) > 0
 
 
 def test_known_friction_prevents_stick_slip_at_low_speed() -> None:

@@ -35,7 +35,7 @@ def loop(
         elapsed = dt * (1 + jitter * (2 * rng.random() - 1)) * (2 if rng.random() < missed else 1)
         state, time = RIG.advance(state, control.torques, elapsed), time + elapsed
         errors.append(state.angle - float(wanted(np.array(time))))
-        flanks.append(state.least_flank_torques.min())
+        flanks.append(state.minimum_contact_torques.min())
         degraded += any(word in control.status for word in ("angle", "contradicted", "contact", "not solved"))
     return float(np.max(np.abs(errors[150:]))), degraded, float(np.min(flanks))
 

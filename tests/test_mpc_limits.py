@@ -44,7 +44,7 @@ def follow(
         )
         states.append(state)
         controls.append(control)
-        torque = float(PAPER.follower_torque(control.torques))
+        torque = float(PAPER.output_torque(control.torques))
         inputs = np.array([torque, last, 0.0, np.inf, 0.0, 0.005, 0.0, 0.0])
         state, last = np.asarray(step(state, inputs, RIGID.values))[:, 0], torque
     return np.array(states), controls
@@ -57,7 +57,7 @@ def jump(time: Array) -> Array:
 def test_the_whole_plan_keeps_the_torque_rate() -> None:
     last, used = 0.0, 0
     for control in follow(four_hertz(RIGID, PAPER, torque_rate=20.0), jump)[1]:
-        planned = PAPER.follower_torque(control.predicted_torques)
+        planned = PAPER.output_torque(control.predicted_torques)
         steps = np.abs(np.diff(np.append(last, planned)))
         assert np.max(steps) < 0.1 + 1e-6
         used += int(np.sum(steps[1:] > 0.0999))
@@ -114,7 +114,7 @@ def test_noise_beyond_a_limit_does_not_shake_the_torques() -> None:
     for limits in ((-9.0, 9.0), (-1.0, 0.3)):
         controller = four_hertz(level, PAPER, angle_limits=limits)
         _, controls = follow(controller, lambda time: np.full(time.size, 0.3), 100, start=(0.3 + 6 * SIGMA, 0.0))
-        greatest.append(max(abs(float(PAPER.follower_torque(control.torques))) for control in controls))
+        greatest.append(max(abs(float(PAPER.output_torque(control.torques))) for control in controls))
     assert greatest[1] < 1.2 * greatest[0] < 0.5 * 2.254  # and far below the greatest torque
 
 
@@ -162,7 +162,7 @@ def test_on_the_rig_the_limit_holds_and_the_contact_is_kept() -> None:
     loop = closed_loop(controller, Rig.paper_like(), lambda t: 0.3 * np.sin(2 * np.pi * 0.3 * t), 3.5, seed=0)
     assert np.max(np.abs(loop.angle)) < 0.2 + 5 * SIGMA
     assert np.ptp(loop.angle) > 0.395
-    assert loop.least_flank_torque > 0.0
+    assert loop.minimum_contact_torque > 0.0
 
 
 @pytest.mark.parametrize(

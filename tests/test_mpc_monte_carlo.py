@@ -24,7 +24,7 @@ def run(runs: int, design: object = BY_FLANK, **options: object) -> MonteCarlo:
 
 
 def same(one: Sweep, other: Sweep) -> bool:
-    names = ("tracking_rms", "least_flank_torque", "degraded", "copper_loss")
+    names = ("tracking_rms", "minimum_contact_torque", "degraded", "copper_loss")
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
@@ -38,7 +38,7 @@ def test_a_run_is_the_closed_loop_of_its_machine() -> None:
     machine = replace(RIG, inertia=inertia * RIG.inertia, backlash=backlash * RIG.backlash)
     alone = closed_loop(BY_FLANK(), machine, REFERENCE, 1.0, seed=int(rng.integers(2**63)))
     assert found.tracking_rms[2] == alone.tracking_rms
-    assert found.least_flank_torque[2] == alone.least_flank_torque
+    assert found.minimum_contact_torque[2] == alone.minimum_contact_torque
     assert found.copper_loss[2] == alone.copper_loss
     assert found.degraded[2] == alone.degraded
 
@@ -77,8 +77,8 @@ def test_contact_needs_the_margin_that_covers_the_unknown() -> None:
     assert 0 < np.sum(lost.contact_lost) < 12
     rotor = lost.factors[:, lost.names.index("rotor_inertia")]
     assert np.mean(rotor[lost.contact_lost]) > np.mean(rotor[~lost.contact_lost]) + 0.1
-    assert np.array_equal(lost.contact_lost, lost.least_flank_torque <= 0)
-    assert np.corrcoef(rotor, kept.least_flank_torque)[0, 1] < -0.7
+    assert np.array_equal(lost.contact_lost, lost.minimum_contact_torque <= 0)
+    assert np.corrcoef(rotor, kept.minimum_contact_torque)[0, 1] < -0.7
 
 
 def test_a_sweep_takes_trials_as_they_come() -> None:
@@ -89,9 +89,9 @@ def test_a_sweep_takes_trials_as_they_come() -> None:
     lines: list[str] = []
     found = sweep(trials, progress=lines.append)
     assert found.contact_lost.tolist() == [False, True]
-    assert found.least_flank_torque[0] > 0.8 * LEAST * MESH
+    assert found.minimum_contact_torque[0] > 0.8 * LEAST * MESH
     assert [line.split(":")[0] for line in lines] == ["1 of 2", "2 of 2"]
-    assert f"{found.least_flank_torque[0]:.3g} N m" in lines[0]
+    assert f"{found.minimum_contact_torque[0]:.3g} N m" in lines[0]
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def run(controller: Controller, *, ahead: bool, stuck: bool = False) -> tuple[Ar
         control = controller.step(shown, reference[k : k + N + 1] if ahead else reference[k])
         errors.append(state[0] - reference[k])
         statuses.append(control.status)
-        state = state if stuck else advanced(state, float(PAPER.follower_torque(control.torques)))
+        state = state if stuck else advanced(state, float(PAPER.output_torque(control.torques)))
     return np.array(errors), statuses
 
 

@@ -141,7 +141,7 @@ def test_an_encoder_that_comes_back_is_believed_again() -> None:
     for k in range(600):
         frozen = frozen if 300 < k < 330 else float(state[0])
         control = controller.step(frozen, 0.1 * np.sin(0.01 * k))
-        state = simulate(RIGID, command=PAPER.follower_torque(control.torques)[None], dt=0.005, state=state)[-1]
+        state = simulate(RIGID, command=PAPER.output_torque(control.torques)[None], dt=0.005, state=state)[-1]
         statuses.append(control.status)
     assert all("contradicted" in status for status in statuses[305:330])
     assert not any(word in status for status in statuses[350:] for word in ("contradicted", "angle"))
@@ -161,7 +161,7 @@ def test_a_reading_that_wraps_is_put_on_its_turn() -> None:
         assert controls[0].status == controls[1].status
         assert "angle" not in controls[0].status
         np.testing.assert_allclose(controls[0].torques, controls[1].torques, atol=1e-5)
-        torque = PAPER.follower_torque(controls[0].torques)[None]
+        torque = PAPER.output_torque(controls[0].torques)[None]
         state = simulate(RIGID, command=torque, dt=0.005, state=state)[-1]
     assert abs(state[0] - wanted) < 5e-3  # beyond one turn
 

@@ -30,7 +30,7 @@ def sound(move: Trajectory, goal: float, bounds: Limits = BOUNDS, miss: float = 
         and bool(np.all(drives >= bounds.least) and np.all(drives <= bounds.greatest))
         and move.margin > -1e-6 * float(np.max(bounds.greatest))
         and bool(np.all(np.abs(move.miss) < miss))
-        and bool(np.allclose(PAPER.follower_torque(move.torques), move.follower_torque))
+        and bool(np.allclose(PAPER.output_torque(move.torques), move.output_torque))
         and abs(move.angle[-1] - goal) < 1e-9
         and abs(move.speed[-1]) < 1e-9
     )
@@ -47,7 +47,7 @@ def test_least_time_of_a_double_integrator_is_bang_bang(start: float, goal: floa
     assert sound(move, goal, bounds)
     assert move.duration == pytest.approx(2 * np.sqrt(J * abs(goal - start) / full), rel=1e-6)
     wanted = np.sign(goal - start) * scale * full * np.repeat([1, -1], 20)
-    assert move.follower_torque == pytest.approx(wanted, rel=1e-4)
+    assert move.output_torque == pytest.approx(wanted, rel=1e-4)
 
 
 @pytest.mark.parametrize("limit", [0.2, 0.5, 1.0])
@@ -99,7 +99,7 @@ def test_least_copper_loss_of_a_double_integrator_is_known() -> None:
     assert sound(move, goal)
     assert move.copper_loss == pytest.approx(loss, rel=1e-4)
     assert move.copper_loss == pytest.approx(float(np.sum(move.torques**2) * T / 100))
-    assert PAPER.follower_torque(move.torques) == pytest.approx(N * u.reshape(100, -1).mean(axis=1), abs=0.01)
+    assert PAPER.output_torque(move.torques) == pytest.approx(N * u.reshape(100, -1).mean(axis=1), abs=0.01)
 
 
 def test_least_loss_move_in_least_time_is_bang_bang() -> None:
@@ -112,7 +112,7 @@ def test_least_loss_move_in_least_time_is_bang_bang() -> None:
     assert losses[0] > losses[1] > losses[2]
 
 
-def test_flank_torque_is_a_bound_of_its_own() -> None:
+def test_contact_torque_is_a_bound_of_its_own() -> None:
     # gravity accelerates the load, both drives are near their minimum torque, and heavy rotors take more than that
     load = ServoModel(inertia=4.0, gravity=1.5)
     held, careless = minimum_copper_loss(load, HEAVY, 0.0, -1.0, 3.0), minimum_copper_loss(load, BOUNDS, 0.0, -1.0, 3.0)
@@ -137,7 +137,7 @@ def test_a_finer_simulation_comes_to_the_goal(model: ServoModel, start: float, g
         assert sound(move, goal, HEAVY, miss)
         states = simulate(
             model,
-            command=np.repeat(move.follower_torque, 50),
+            command=np.repeat(move.output_torque, 50),
             dt=move.duration / 5000,
             state=np.array([start, 0.0]),
         )
@@ -180,7 +180,7 @@ def test_the_rig_follows_a_move_without_loss_of_contact() -> None:
     moving = loop.time > 0.8 * start
     assert np.max(np.abs(loop.angle - loop.reference)[moving]) < 2e-3
     assert abs(loop.angle[-1] - 0.6) < 2e-4
-    assert loop.least_flank_torque > 0
+    assert loop.minimum_contact_torque > 0
     assert move.reference(np.array([-1.0, 99.0])) == pytest.approx([0.0, 0.6])
 
 

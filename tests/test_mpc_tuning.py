@@ -11,7 +11,7 @@ from plant import GearTrain, Rig, ServoModel
 from plant.effects import ActuatorLag, CoulombFriction, Effect, InputDelay, SensorLag, StribeckFriction
 
 PAPER = GearTrain.paper()
-PAIR = GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
+PAIR = GearTrain(pinion_teeth=(20, 20), output_teeth=161)
 
 
 @pytest.mark.parametrize("sample_time", [0.001, 0.002, 0.005])
@@ -87,8 +87,8 @@ def test_a_light_axis_read_late_keeps_contact_while_it_sticks() -> None:
     fine = {"encoder_resolution": 2 * np.pi / 2**20, "encoder_noise": 2e-6, "motor_friction": 5e-4}
     controller = Controller(model, PAIR, rotor_inertia=4e-6, **fine)  # type: ignore[arg-type]
     loop = closed_loop(controller, rig, lambda t: 0.01 * (np.floor(t / 0.8) % 2), 1.2, seed=100)
-    assert loop.least_flank_torque > 0.1
-    assert np.std(np.diff(PAIR.follower_torque(loop.torques))[40:150]) < 0.05  # it was 0.5 N m at rest
+    assert loop.minimum_contact_torque > 0.1
+    assert np.std(np.diff(PAIR.output_torque(loop.torques))[40:150]) < 0.05  # it was 0.5 N m at rest
 
 
 def test_a_bandwidth_that_is_wanted_brings_the_rest() -> None:
@@ -116,7 +116,7 @@ def test_the_contact_of_the_paper_is_kept() -> None:
     rig = Rig.paper_like()
     model = ServoModel(inertia=rig.total_inertia, gravity=0.5, viscous_friction=0.8)
     loop = closed_loop(Controller(model, PAPER), rig, lambda t: 0.2 * (1 - np.cos(2 * np.pi * 0.25 * t)), 2.0, seed=0)
-    assert loop.least_flank_torque > 0
+    assert loop.minimum_contact_torque > 0
     assert loop.degraded == 0
 
 
@@ -126,7 +126,7 @@ def test_a_bandwidth_above_the_default_keeps_the_contact() -> None:
     for bandwidth in (4.0, 5.0):
         controller = Controller(model, PAPER, bandwidth=bandwidth)
         loop = closed_loop(controller, rig, lambda t: 0.2 * (1 - np.cos(2 * np.pi * 0.25 * t)), 2.0, seed=0)
-        assert loop.least_flank_torque > 0
+        assert loop.minimum_contact_torque > 0
 
 
 def test_a_known_reference_is_followed_whatever_the_bandwidth() -> None:

@@ -34,7 +34,7 @@ def test_a_model_takes_any_number(kind: type) -> None:
 
 @pytest.mark.parametrize("kind", WHOLE)
 def test_what_counts_takes_any_whole_number(kind: type) -> None:
-    assert GearTrain(pinion_teeth=(kind(20), kind(20)), follower_teeth=kind(161)).ratio == 161 / 20
+    assert GearTrain(pinion_teeth=(kind(20), kind(20)), output_teeth=kind(161)).ratio == 161 / 20
     controller = Controller(ServoModel.paper(), GEARS, horizon=kind(20), sqp_iterations=kind(2), max_torque=kind(4))
     assert (type(controller.horizon), controller.horizon, controller.sqp_iterations) == (int, 20, 2)
     assert Allocator(GEARS, min_torque=kind(1), max_torque=kind(3)).allocate(kind(2)).status == "optimal"

@@ -27,7 +27,7 @@ HIDDEN = {
     "cogging": {"amplitude": 0.2, "order": 11.0, "phase": 0.7},
     "torque_saturation": {"limit": 3.0},
     "rate_limit": {"rate": 60.0},
-    "goal_rate_limit": {"rate": 5.0},
+    "setpoint_rate_limit": {"rate": 5.0},
     "back_emf": {"constant": 0.3},
     "compliance": {"frequency": 25.0, "damping": 0.05, "motor_share": 0.3},
     "backlash": {"gap": 0.1, "motor_share": 0.3},
@@ -42,7 +42,7 @@ HIDDEN = {
     "sensor_lag": {"time_constant": 0.02},
     "torque_measurement_lag": {"time_constant": 0.02},
 }
-DRIVE = {"goal_rate_limit": {"servo_gain": 40.0}}  # what only a position servo can have
+DRIVE = {"setpoint_rate_limit": {"servo_gain": 40.0}}  # what only a position servo can have
 SLACK = {  # rad, where a step of the product is knowingly coarse
     "backlash": 5e-3,  # a twentieth of the gap: each knock sends the load on its own way
     "presliding_hysteresis": 5e-5,
@@ -65,7 +65,7 @@ def test_every_effect_matches_the_independent_machine(name: str) -> None:
     machine = Machine(effects={name: HIDDEN[name]}, **drive)
     truth = record(machine, command, noise=0.0, bits=None, angle=0.3, velocity=-0.4)
     model, first = model_of(name), command[0]
-    begin = beginning(model, angle=0.3, velocity=-0.4, torque=first, goal=first)
+    begin = beginning(model, angle=0.3, velocity=-0.4, torque=first, setpoint=first)
     command = drive.get("servo_gain", 1.0) * truth.command[:, 0]
     found = simulate(model, command=command, dt=SAMPLE, state=begin, **drive)[:-1]
     bare = simulate(ServoModel(), command=command, dt=SAMPLE, state=begin[:2], **drive)[:-1]
@@ -193,18 +193,18 @@ def test_a_fraction_of_a_sample_of_delay_is_exact(delay: float, torque: float) -
 @settings(max_examples=200, deadline=None)
 @given(st.floats(0.0, 0.008), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.sampled_from([0.0, 1e-6, 0.001, 0.005]))
 def test_the_fewest_integration_steps_cover_the_sample(delay: float, goal: float, shown: float, dt: float) -> None:
-    names = ("input_delay", "goal_rate_limit", "compliance")
+    names = ("input_delay", "setpoint_rate_limit", "compliance")
     effects = tuple(
         catalogue[name](**{**HIDDEN[name], "time": delay} if name == "input_delay" else HIDDEN[name]) for name in names
     )
     model, gain, substeps = ServoModel(effects=effects), 40.0, 8
-    state = beginning(model, angle=0.0, velocity=0.0, torque=0.0, goal=shown)
+    state = beginning(model, angle=0.0, velocity=0.0, torque=0.0, setpoint=shown)
     row = np.array([gain * goal, gain * shown, gain, np.inf, 0.0, dt, 0.0, 0.0])
     sample = [(command, np.array(float(length))) for command, length in stretches(model, row)]
     assert sum(length for _, length in sample) == pytest.approx(dt, abs=1e-18)
     for command, length in sample:
         steps = np.array([float(h) for h in division(model, state, command, row, length, substeps)])
-        ramp = min(abs(command / gain - shown) / HIDDEN["goal_rate_limit"]["rate"], float(length))
+        ramp = min(abs(command / gain - shown) / HIDDEN["setpoint_rate_limit"]["rate"], float(length))
         early, late = steps[:substeps], steps[substeps:]
         for part, whole, least in ((early, ramp, 3), (late, float(length) - ramp, 1)):
             needed = part[part > 0.0]

@@ -1,4 +1,4 @@
-"""Each effect's trace: from the torque that a model lacks back to the effect that would explain it."""
+"""Each effect's regressors: from the torque that a model lacks back to the effect that would explain it."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ def seen(name: str) -> Motion:
 
 
 def best_start(name: str) -> tuple[Effect, float]:
-    """The start that regression on the effect's own traces suggests, and the share of the torque left over."""
+    """The start that regression on the effect's own regressors suggests, and the share of the torque left over."""
     motion, found = seen(name), []
-    for trace in catalogue[name].traces(motion):
+    for regressors in catalogue[name].regressors(motion):
         score = motion.score[:, 0]
-        coefficients, *_ = np.linalg.lstsq(trace.columns, score)
-        left = score - trace.columns @ coefficients
-        found.append((float(left @ left / (score @ score)), trace.start(coefficients)))
+        coefficients, *_ = np.linalg.lstsq(regressors.columns, score)
+        left = score - regressors.columns @ coefficients
+        found.append((float(left @ left / (score @ score)), regressors.start(coefficients)))
     left, effect = min(found, key=lambda entry: entry[0])
     return effect, left
 
@@ -92,14 +92,14 @@ def test_a_trace_leads_back_to_its_effect(name: str) -> None:
 @pytest.mark.parametrize("name", TRUE)
 def test_traces_are_finite_and_their_starts_lie_within_bounds(name: str) -> None:
     motion = seen("quadratic_drag")
-    traces = list(catalogue[name].traces(motion))
-    assert traces
-    for trace in traces:
-        assert trace.columns.shape[0] == motion.time.size
-        assert np.isfinite(trace.columns).all()
-        assert trace.searched >= 1
+    every = list(catalogue[name].regressors(motion))
+    assert every
+    for regressors in every:
+        assert regressors.columns.shape[0] == motion.time.size
+        assert np.isfinite(regressors.columns).all()
+        assert regressors.searched >= 1
         for size in (-1e3, 0.0, 1e-9, 1e3):
-            assert trace.start(np.full(trace.columns.shape[1], size)).name == name  # a constructor validates
+            assert regressors.start(np.full(regressors.columns.shape[1], size)).name == name  # a constructor validates
 
 
 @pytest.mark.parametrize("name", [n for n in TRUE if n != "cogging"])
@@ -119,14 +119,14 @@ def test_a_load_that_stands_still_breaks_no_trace(name: str) -> None:
         inertia=2.0,
         velocity_resolution=1e-3,
     )
-    for trace in catalogue[name].traces(still):
-        assert np.isfinite(trace.columns).all()
+    for regressors in catalogue[name].regressors(still):
+        assert np.isfinite(regressors.columns).all()
 
 
 def test_cogging_asks_for_travel() -> None:
     motion = seen("cogging")
     still = Motion(**{**vars(motion), "angle": np.zeros_like(motion.angle)})
-    assert list(catalogue["cogging"].traces(still)) == []
+    assert list(catalogue["cogging"].regressors(still)) == []
 
 
 def test_within_moves_a_start_inside_its_bounds() -> None:

@@ -12,7 +12,7 @@ from identification.predictor import Predictor, run_inputs
 from identification.run import Run
 from plant import ServoModel
 from plant.discrete import INPUTS
-from plant.effects import GoalRateLimit, InputDelay
+from plant.effects import InputDelay, SetpointRateLimit
 
 COMMAND, PREVIOUS, MEASURED, GAINS = 0, 1, len(INPUTS), slice(len(INPUTS) + 1, None)
 
@@ -65,11 +65,11 @@ def test_a_prediction_sees_nothing_of_a_masked_sample() -> None:
 def test_a_prediction_begins_at_the_first_set_point() -> None:
     gain = np.where(np.arange(12) < 4, 0.0, 8.0)
     run = run_of(servo_gain=gain, command=gain * 0.7, output=np.zeros(12))
-    model = ServoModel.paper().with_effect(GoalRateLimit(rate=5.0))
+    model = ServoModel.paper().with_effect(SetpointRateLimit(rate=5.0))
     for run_at, goal in ((run, 0.7), (replace(run, servo_gain=np.zeros(12)), 0.0)):
         predictor = Predictor(model=model, runs=(run_at,), free=())
         (found,) = predictor.predict(model.values, np.zeros((1, 2)), bandwidth=0.0, width=0.0)
-        assert found.states[model.states.index("goal_rate_limit"), 0] == pytest.approx(goal)
+        assert found.states[model.states.index("setpoint_rate_limit"), 0] == pytest.approx(goal)
 
 
 def test_masked_samples_count_for_nothing_even_in_an_overflow() -> None:

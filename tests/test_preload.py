@@ -11,11 +11,11 @@ from allocation import Allocator, Preload
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 
-DIRECT = GearTrain(pinion_teeth=(30, 30), follower_teeth=30)
-"""Follower torque is minus the sum of the two torques, so SEW's demand counts negative here."""
+DIRECT = GearTrain(pinion_teeth=(30, 30), output_teeth=30)
+"""Output torque is minus the sum of the two torques, so SEW's demand counts negative here."""
 
 teeth = st.integers(8, 200)
-trains = st.builds(GearTrain, pinion_teeth=st.tuples(teeth, teeth), follower_teeth=teeth)
+trains = st.builds(GearTrain, pinion_teeth=st.tuples(teeth, teeth), output_teeth=teeth)
 
 
 # SEW's first drive stands at D2, for its tension is positive where the second drive gives more.
@@ -47,11 +47,11 @@ def test_every_unit_leads_back_to_lambda(gears: GearTrain, coefficient: float, r
         assert other.coefficient == pytest.approx(coefficient, rel=1e-12)
     assert preload.difference == pytest.approx(preload.torques[0] - preload.torques[1])
     assert preload.per_mille(rated) == pytest.approx(10 * preload.percent(rated))
-    assert gears.follower_torque(preload.torques) == pytest.approx(0.0, abs=1e-9 * (1 + abs(preload.difference)) * 200)
+    assert gears.output_torque(preload.torques) == pytest.approx(0.0, abs=1e-9 * (1 + abs(preload.difference)) * 200)
 
 
 def test_it_is_the_preload_of_the_allocator() -> None:
-    gears = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+    gears = GearTrain(pinion_teeth=(20, 31), output_teeth=161)
     shared = Allocator(gears, min_torque=0.02, max_torque=0.3).allocate(0.7)
     assert Preload(gears=gears, coefficient=shared.preload).split(0.7) == pytest.approx(shared.torques)
 

@@ -56,7 +56,7 @@ def results(log, fitted, diagnosed) -> dict[str, Tabled]:
     change = {"unit": "kg m^2", "before": 0.5, "before_std": 0.01, "after": 0.6, "after_std": 0.01, "moved": True}
     drives, axis = ad.Allocator(ad.GearTrain.paper(), min_torque=0.02, max_torque=0.3), np.linspace(-1.0, 1.0, 5)
     limits = Limits(gears=ad.GearTrain.paper(), min_torque=0.02, max_torque=0.3)
-    runs = {"tracking_rms": np.array([0.1, 0.2]), "least_flank_torque": np.array([0.3, -0.1])}
+    runs = {"tracking_rms": np.array([0.1, 0.2]), "minimum_contact_torque": np.array([0.3, -0.1])}
     runs |= {"degraded": np.array([0, 3]), "copper_loss": np.array([0.01, 0.02])}
     time, measured = np.arange(3) * 0.01, Measured(value=1e-3, std=1e-5)
     drive = DriveLostMotion(gap=measured, stiffness=measured, friction=measured, friction_coefficient=measured)
@@ -179,7 +179,7 @@ def test_a_result_writes_its_page(name, results, tmp_path):
 def test_the_page_of_a_loop_has_its_numbers(results, tmp_path):
     loop = results["loop"]
     words = Text(loop.report(tmp_path / "loop.html").read_text(encoding="utf-8")).words
-    for number in (loop.tracking_rms, loop.least_flank_torque, loop.copper_loss):
+    for number in (loop.tracking_rms, loop.minimum_contact_torque, loop.copper_loss):
         assert f"{number:.4g}" in words
     assert f"{loop.time.size - loop.degraded} of {loop.time.size} samples were optimal." in words
 
@@ -237,11 +237,11 @@ def test_a_closed_loop_reports_itself_in_one_line(results):
     assert "\n" not in repr(loop)
     assert f"100 samples to 0.495 s; tracking error {loop.tracking_rms:.3g} rad rms" in repr(loop)
     frame = loop.to_frame()
-    np.testing.assert_array_equal(frame["flank_torque_2"], loop.flank_torques[:, 1])
+    np.testing.assert_array_equal(frame["contact_torque_2"], loop.contact_torques[:, 1])
     assert frame.attrs["units"]["velocity"] == "rad/s"
     table = replace(loop, axis="linear").to_frame()
     np.testing.assert_array_equal(table["position"], loop.angle)
-    assert table.attrs["units"]["flank_torque_1"] == "N"
+    assert table.attrs["units"]["contact_torque_1"] == "N"
 
 
 def test_a_table_has_every_number_of_its_result(results):
@@ -251,7 +251,7 @@ def test_a_table_has_every_number_of_its_result(results):
     assert np.isnan(move.to_frame()["torque_2"].iloc[-1])
     assert loops.to_frame()["inertia"].tolist() == [0.9, 1.1]
     record = results["test bench"]
-    np.testing.assert_array_equal(record.to_frame()["least_flank_torque_2"], record.least_flank_torques[:, 1])
+    np.testing.assert_array_equal(record.to_frame()["minimum_contact_torque_2"], record.minimum_contact_torques[:, 1])
     assert results["lost motion"].to_frame().loc["gap_2", "value"] == 1e-3
     response, analysis = results["loop analysis"].to_frame(), results["loop analysis"]
     assert response["sensitivity"].max() == pytest.approx(analysis.peak_sensitivity, rel=0.01)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from plant.errors import BadParameter
-from plant.flank import flank_torque
+from plant.flank import contact_torque
 from plant.rig import Rig, RigState
 
 Array = NDArray[np.float64]
@@ -22,9 +22,9 @@ SAMPLE_TIME = 0.005
 
 
 def sine_torques(rig: Rig, amplitude: float, preload: float, count: int = 200) -> Array:
-    """(count, 2) pinion torques: a sine of 2 Hz on the follower and a constant preload per pinion [N m]."""
-    follower = amplitude * np.sin(2 * np.pi * 2.0 * np.arange(count) * SAMPLE_TIME)
-    return rig.gears.split(follower, preload / rig.gears.pinion_teeth[0])
+    """(count, 2) pinion torques: a sine of 2 Hz on the output gear and a constant preload per pinion [N m]."""
+    output_torque = amplitude * np.sin(2 * np.pi * 2.0 * np.arange(count) * SAMPLE_TIME)
+    return rig.gears.pinion_torques(output_torque, preload / rig.gears.pinion_teeth[0])
 
 
 @given(
@@ -34,7 +34,7 @@ def sine_torques(rig: Rig, amplitude: float, preload: float, count: int = 200) -
     damping=st.floats(0, 100),
 )
 def test_a_flank_pushes_and_never_pulls(gap: float, rate: float, half_backlash: float, damping: float) -> None:
-    torque = float(flank_torque(gap, rate, half_backlash=half_backlash, stiffness=2e4, damping=damping))
+    torque = float(contact_torque(gap, rate, half_backlash=half_backlash, stiffness=2e4, damping=damping))
     if abs(gap) <= half_backlash:
         assert torque == 0.0
     else:
@@ -42,60 +42,60 @@ def test_a_flank_pushes_and_never_pulls(gap: float, rate: float, half_backlash: 
 
 
 def test_a_pressed_flank_is_a_spring() -> None:
-    assert float(flank_torque(1.5e-3, 0.0, half_backlash=1e-3, stiffness=2e4, damping=6.0)) == pytest.approx(10.0)
-    assert float(flank_torque(-1.5e-3, 0.0, half_backlash=1e-3, stiffness=2e4, damping=6.0)) == pytest.approx(-10.0)
+    assert float(contact_torque(1.5e-3, 0.0, half_backlash=1e-3, stiffness=2e4, damping=6.0)) == pytest.approx(10.0)
+    assert float(contact_torque(-1.5e-3, 0.0, half_backlash=1e-3, stiffness=2e4, damping=6.0)) == pytest.approx(-10.0)
 
 
 def test_under_preload_it_moves_like_one_rigid_body() -> None:
     rig = Rig.paper_like(**{**FRICTIONLESS, **IDEAL_ENCODER})
-    torques = np.tile(rig.gears.split(1.0, 0.1 / 20), (100, 1))
+    torques = np.tile(rig.gears.pinion_torques(1.0, 0.1 / 20), (100, 1))
     record = rig.run(torques, SAMPLE_TIME, seed=0, start=rig.rest(torques=torques[0]))
-    assert np.all(record.least_flank_torques > 0.0)
+    assert np.all(record.minimum_contact_torques > 0.0)
     expected = 0.5 * 1.0 / rig.total_inertia * record.time**2
     assert record.true_angle == pytest.approx(expected, abs=2e-5)
 
 
-def test_the_flank_torques_are_those_of_the_formula() -> None:
+def test_the_contact_torques_are_those_of_the_formula() -> None:
     # T_i = n_i (xi_i - f_i) - n_i^2 J_i a, in the required sense of each drive, once vibration has died out
     rig = Rig.paper_like(**FRICTIONLESS)
     torque, preload = 1.0, 0.1 / 20
-    xi = rig.gears.split(torque, preload)
+    xi = rig.gears.pinion_torques(torque, preload)
     record = rig.run(np.tile(xi, (200, 1)), SAMPLE_TIME, seed=0)
     acceleration = torque / rig.total_inertia
     reflected = rig.rotor_inertia * rig.gears.ratio**2
     expected = np.array([-1, 1]) * (rig.gears.torque_map * xi - reflected * acceleration)
-    assert record.flank_torques[-1] == pytest.approx(expected, rel=1e-4)
+    assert record.contact_torques[-1] == pytest.approx(expected, rel=1e-4)
 
 
 def test_without_preload_contact_is_lost_and_the_load_dwells() -> None:
     rig = Rig.paper_like(**IDEAL_ENCODER)
     loose = rig.run(sine_torques(rig, 2.0, preload=0.0), SAMPLE_TIME, seed=0)
     tight = rig.run(sine_torques(rig, 2.0, preload=0.2), SAMPLE_TIME, seed=0)
-    assert np.any(loose.least_flank_torques[10:] <= 0.0)
-    assert np.all(tight.least_flank_torques[10:] > 0.0)
+    assert np.any(loose.minimum_contact_torques[10:] <= 0.0)
+    assert np.all(tight.minimum_contact_torques[10:] > 0.0)
 
 
-def test_the_least_flank_torque_sees_inside_the_sample() -> None:
+def test_the_minimum_contact_torque_sees_inside_the_sample() -> None:
     rig = Rig.paper_like()
     record = rig.run(sine_torques(rig, 2.0, preload=0.2), SAMPLE_TIME, seed=0)
-    at_samples = np.minimum(record.flank_torques[:-1], record.flank_torques[1:])
-    assert np.all(record.least_flank_torques[:-1] <= at_samples + 1e-3)
-    assert np.any(record.least_flank_torques[:-1] < at_samples - 0.05)
+    at_samples = np.minimum(record.contact_torques[:-1], record.contact_torques[1:])
+    assert np.all(record.minimum_contact_torques[:-1] <= at_samples + 1e-3)
+    assert np.any(record.minimum_contact_torques[:-1] < at_samples - 0.05)
 
 
-def test_flank_torques_of_a_state_are_those_of_the_fine_step() -> None:
+def test_contact_torques_of_a_state_are_those_of_the_fine_step() -> None:
     rig = Rig.paper_like()
     state = RigState(
         angle=0.1,
         velocity=0.2,
         rotor_angles=0.1 + np.array([-7e-4, 9e-4]),
         rotor_velocities=np.array([0.1, 0.5]),
-        least_flank_torques=np.zeros(2),
+        minimum_contact_torques=np.zeros(2),
     )
     expected = [
         sense
         * float(
-            flank_torque(
+            contact_torque(
                 state.rotor_angles[i] - 0.1,
                 state.rotor_velocities[i] - 0.2,
                 half_backlash=rig.backlash / 2,
@@ -105,7 +105,7 @@ def test_flank_torques_of_a_state_are_those_of_the_fine_step() -> None:
         )
         for i, sense in enumerate((-1, 1))
     ]
-    assert rig.flank_torques(state) == pytest.approx(expected, rel=1e-12)
+    assert rig.contact_torques(state) == pytest.approx(expected, rel=1e-12)
 
 
 @settings(max_examples=25, deadline=None)
@@ -168,12 +168,14 @@ def test_impacts_with_damping_lose_energy() -> None:
 
 def test_dry_friction_really_holds() -> None:
     rig = Rig.paper_like(gravity=0.0, coulomb_friction=0.5, breakaway_excess=0.2)
-    torques = np.tile(rig.gears.split(0.69, 0.1 / 20), (200, 1))
+    torques = np.tile(rig.gears.pinion_torques(0.69, 0.1 / 20), (200, 1))
     pressed = rig.rest(torques=torques[0])
     held = rig.run(torques, SAMPLE_TIME, seed=0, start=pressed)
     assert np.all(held.true_angle == 0.0)
     assert np.all(held.velocity == 0.0)
-    broken_loose = rig.run(np.tile(rig.gears.split(1.0, 0.1 / 20), (200, 1)), SAMPLE_TIME, seed=0, start=pressed)
+    broken_loose = rig.run(
+        np.tile(rig.gears.pinion_torques(1.0, 0.1 / 20), (200, 1)), SAMPLE_TIME, seed=0, start=pressed
+    )
     assert broken_loose.velocity[-1] > 0.1
 
 
@@ -235,7 +237,7 @@ def test_the_moving_load_follows_an_independent_integrator(torque: float) -> Non
         motor_viscous=1e-5,
     )
     pushes = np.where(np.arange(200) < 100, 0.4, -0.6)
-    commands = np.tile(rig.gears.split(torque, 0.3 / 20), (200, 1))
+    commands = np.tile(rig.gears.pinion_torques(torque, 0.3 / 20), (200, 1))
     record = rig.run(commands, SAMPLE_TIME, seed=0, start=rig.rest(torques=commands[0]), disturbance=pushes)
     viscous = 0.8 + 2 * 1e-5 * (161 / 20 * 46 / 18 * 41 / 17 * 42 / 21) ** 2
 

@@ -28,8 +28,8 @@ def test_halving_the_fine_step_changes_next_to_nothing(preload: float) -> None:
     rig = Rig.paper_like(
         **IDEAL, supply_voltage=36.0, current_bandwidth=200.0, encoder_delay=0.0013, coulomb_friction=0.2
     )
-    follower = 2.0 * np.sin(2 * np.pi * 2.0 * np.arange(200) * 0.005)
-    xi = rig.gears.split(follower, preload / 20)
+    output_torque = 2.0 * np.sin(2 * np.pi * 2.0 * np.arange(200) * 0.005)
+    xi = rig.gears.pinion_torques(output_torque, preload / 20)
     steps = np.array([1.0, 0.5, 0.25, 0.125]) * rig.fine_step
     exact, *found = (replace(rig, fine_step=step).run(xi, 0.005, seed=0).angle for step in (5e-7, *steps))
     errors = np.array([np.max(np.abs(angle - exact)) for angle in found])
@@ -86,7 +86,7 @@ def test_any_number_of_motors_moves_the_load(drives: tuple[int, ...]) -> None:
     forward = 2 in drives
     torques = np.array([-0.1 if (d == 2) == forward else 0.0 for d in drives]) * (1 if forward else -1)
     record = rig.run(np.tile(torques, (200, 1)), 0.005, seed=0, start=rig.rest(torques=torques))
-    assert record.torques.shape == record.flank_torques.shape == record.motor_angles.shape == (200, m)
+    assert record.torques.shape == record.contact_torques.shape == record.motor_angles.shape == (200, m)
     push = float(np.sum(torques * -8.05))
     total_inertia = (
         2.0 + np.sum(torques != 0.0) * 4e-6 * rig.gears.ratio**2
@@ -103,13 +103,13 @@ def test_four_motors_share_what_two_have_to_give() -> None:
         Rig.paper_like(),
         Rig.paper_like(drives=(1, 1, 2, 2), rotor_inertia=2e-6, motor_coulomb=2.5e-4, motor_viscous=5e-8),
     )
-    follower = 2.0 * np.sin(2 * np.pi * 2.0 * np.arange(200) * 0.005)
-    xi = two.gears.split(follower, 0.2 / 20)
+    output_torque = 2.0 * np.sin(2 * np.pi * 2.0 * np.arange(200) * 0.005)
+    xi = two.gears.pinion_torques(output_torque, 0.2 / 20)
     pair = two.run(xi, 0.005, seed=0, start=two.rest(torques=xi[0]))
     half = np.repeat(xi / 2, 2, axis=1)
     quartet = four.run(half, 0.005, seed=0, start=four.rest(torques=half[0]))
     assert quartet.true_angle == pytest.approx(pair.true_angle, abs=3e-5)
-    assert quartet.flank_torques.sum(axis=1) == pytest.approx(pair.flank_torques.sum(axis=1), abs=0.6)
+    assert quartet.contact_torques.sum(axis=1) == pytest.approx(pair.contact_torques.sum(axis=1), abs=0.6)
 
 
 def test_each_drive_has_its_own_backlash() -> None:
@@ -131,7 +131,7 @@ def test_each_drive_has_its_own_backlash() -> None:
 
 
 def test_unequal_pinions_keep_their_own_ratio() -> None:
-    gears = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+    gears = GearTrain(pinion_teeth=(20, 31), output_teeth=161)
     rig = Rig(gears=gears, inertia=2.0, rotor_inertia=1e-3, drives=(2, 1, 2))
     assert rig.motor_ratios == pytest.approx([161 / 31, 161 / 20, 161 / 31])
     assert rig.torque_map == pytest.approx([-161 / 31, -161 / 20, -161 / 31])
@@ -141,7 +141,7 @@ def test_unequal_pinions_keep_their_own_ratio() -> None:
 @pytest.mark.parametrize("delay", [0.0013, 0.005, 0.0117])
 def test_encoders_show_where_the_shafts_were(delay: float) -> None:
     rig = Rig.paper_like(**IDEAL, fine_step=1e-5)
-    torques = rig.gears.split(3.0 * np.sin(2 * np.pi * 3.0 * np.arange(60) * 0.005), 0.01)
+    torques = rig.gears.pinion_torques(3.0 * np.sin(2 * np.pi * 3.0 * np.arange(60) * 0.005), 0.01)
     fine = np.repeat(torques, 50, axis=0)  # the true motion every 0.1 ms
     true = rig.run(fine, 1e-4, seed=0)
     late = replace(rig, encoder_delay=delay).run(torques, 0.005, seed=0)
@@ -203,7 +203,7 @@ def test_a_gear_rubs_the_more_the_more_it_passes() -> None:
     rig = Rig.paper_like(drives=(2,), coulomb_friction=50.0, mesh_friction=mu, motor_viscous=0.0)
     ramp = 8.0 * np.concatenate((np.linspace(0, 1, 200), np.linspace(1, 0.25, 150)))
     played = rig.run(ramp[:, None] / rig.torque_map, 0.005, seed=0)
-    friction, passed = rig.motor_coulomb * rig.gears.ratio, played.flank_torques[:, 0]
+    friction, passed = rig.motor_coulomb * rig.gears.ratio, played.contact_torques[:, 0]
     for k, (commanded, sign) in {150: (ramp[149], 1.0), 340: (ramp[339], -1.0)}.items():
         assert passed[k] == pytest.approx(
             (commanded - sign * friction) / (1.0 + sign * mu), abs=0.04

@@ -47,7 +47,7 @@ MODEL = f"""
 
 
 def commands() -> Array:
-    """(T, 2) follower torque of each drive [N m]: each crosses its gap back and forth, at times of its own."""
+    """(T, 2) output torque of each drive [N m]: each crosses its gap back and forth, at times of its own."""
     t = np.arange(round(0.4 / SAMPLE)) * SAMPLE
     return np.column_stack((1.5 * np.sin(2 * np.pi * 5 * t + 2.0), 1.0 + 2.0 * np.sin(2 * np.pi * 7 * t)))
 
@@ -75,7 +75,7 @@ def both() -> tuple[dict[str, Array], dict[str, Array]]:
     ours = {
         "angle": played.true_angle,
         "gap": rotors - played.true_angle[:, None],
-        "flank": np.array([-1, 1]) * played.flank_torques,
+        "flank": np.array([-1, 1]) * played.contact_torques,
     }
     return theirs, ours
 

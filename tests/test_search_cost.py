@@ -24,7 +24,7 @@ def test_a_line_is_tried_under_a_slow_observer_despite_drift() -> None:
     base = fit(record(machine, excitation(18006, duration=30.0), seed=9003, noise=1e-3).log(), ServoModel.paper())
     explanation = marginal_likelihood(base, {"dead_zone"}, families_along(base), catalogue=1, observer=base.bandwidth)
     assert explanation is not None
-    orders = [trace.start(np.ones(2)) for trace in Cogging.traces(explanation.screen.motion)]
+    orders = [regressors.start(np.ones(2)) for regressors in Cogging.regressors(explanation.screen.motion)]
     assert any(abs(effect.order - 11.0) < 0.25 for effect in orders if isinstance(effect, Cogging))
 
 

@@ -16,7 +16,7 @@ MODELS = {
     "split by a delay": ("input_delay",),
     "finer behind a ramp": ("rate_limit",),
     "finer behind a lag, split by a delay": ("input_delay", "actuator_lag"),
-    "finer behind a goal's ramp, stiff, split by a delay": ("input_delay", "goal_rate_limit", "compliance"),
+    "finer behind a goal's ramp, stiff, split by a delay": ("input_delay", "setpoint_rate_limit", "compliance"),
     "stiff": ("backlash",),
     "with memory on the load": ("presliding_hysteresis",),
     "with memory in the sensor": ("coulomb_friction", "sensor_lag"),

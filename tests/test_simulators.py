@@ -75,7 +75,7 @@ def model_with(*effects: object) -> ServoModel:
 def test_mujoco_moves_as_the_model_does(name, tmp_path):
     model = model_with(*EFFECTS[name])
     states = simulate(model, command=COMMAND, dt=DT)
-    here = np.array([float(model.reading(state)) for state in states[:-1]])
+    here = np.array([float(model.measurement(state)) for state in states[:-1]])
     there = in_mujoco(model, COMMAND, DT, tmp_path)
     assert np.ptp(here) > 0.5
     assert np.sqrt(np.mean((there - here) ** 2)) < 3e-3 * np.ptp(here)  # of the first order in steps of 0.5 ms

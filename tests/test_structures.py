@@ -123,7 +123,7 @@ def test_the_null_space_moves_nothing_and_is_all_that_does(n: int, more: int, se
 
 
 def test_the_null_space_of_the_paper_is_its_direction_of_preload() -> None:
-    unequal = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+    unequal = GearTrain(pinion_teeth=(20, 31), output_teeth=161)
     direction = null_space([unequal.torque_map])[:, 0]
     assert direction / direction[0] == pytest.approx(unequal.null_vector / unequal.null_vector[0])
     structure = Structure.of(unequal)

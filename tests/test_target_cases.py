@@ -121,7 +121,7 @@ def test_every_option_of_the_controller_is_on_the_command_line() -> None:
 def test_sample_time_and_gears_come_from_the_log_or_are_reported(tmp_path: Path) -> None:
     known = ModelFile(model=MODELS["rigid"], std={}, sample_time=0.004, gears=PAPER)
     known.write(tmp_path / "known.json")
-    assert read_model(tmp_path / "known.json").gears == PAPER.__class__(pinion_teeth=(20, 20), follower_teeth=161)
+    assert read_model(tmp_path / "known.json").gears == PAPER.__class__(pinion_teeth=(20, 20), output_teeth=161)
     result = antidrive("export", tmp_path / "known.json", "--out", tmp_path / "known")
     assert result.code == 0, result.err
     assert "Sample time 0.004 s, that of the model's log." in result.out

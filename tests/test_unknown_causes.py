@@ -18,7 +18,7 @@ from diagnosis.explanation.reasons import reason_for_none
 from diagnosis.residual_torque import effects_over
 from identification.log import Log
 from plant import BadParameter, Effect, ModelFile, ServoModel, catalogue, read_model, simulate
-from plant.effects import CoulombFriction, DeadZone, Motion, Stage, Trace
+from plant.effects import CoulombFriction, DeadZone, Motion, Regressors, Stage
 from plant.effects.effect import Array, Expression, Moment, parameter
 from plant.effects.friction_over_velocity import FrictionOverVelocity
 from plant.effects.nonparametric import plain, unnamed
@@ -224,18 +224,18 @@ def test_its_trace_is_what_it_does(kind: type[Nonparametric]) -> None:
         inertia=1.0,
         velocity_resolution=1e-9,
     )
-    trace = next(iter(kind.traces(motion)))
-    coefficients = rng.uniform(0.1, 1.0, trace.columns.shape[1])
-    effect = trace.start(coefficients)
+    regressors = next(iter(kind.regressors(motion)))
+    coefficients = rng.uniform(0.1, 1.0, regressors.columns.shape[1])
+    effect = regressors.start(coefficients)
     at = Moment(angle=angle, velocity=velocity, torque=torque, time=time + (0.0025 if "ripple" in kind.name else 0.0))
     friction = effect.dry_friction(at)
     does = [
         np.broadcast_to(np.array(effect.load_torque(at, 0.0)).ravel(), 400),
         np.zeros(400) if friction is None else -np.sign(velocity) * np.array(friction[0]).ravel(),
-        np.array(effect.reading(angle, 0.0)).ravel() - angle,
+        np.array(effect.measurement(angle, 0.0)).ravel() - angle,
     ]
-    assert trace.acts_on == ("reading" if kind.stage == Stage.SENSOR else "torque")
-    np.testing.assert_allclose(trace.columns @ coefficients, sum(does), atol=1e-9)
+    assert regressors.acts_on == ("measurement" if kind.stage == Stage.SENSOR else "torque")
+    np.testing.assert_allclose(regressors.columns @ coefficients, sum(does), atol=1e-9)
 
 
 def simulated(effect: Nonparametric) -> tuple[Log, Log]:
@@ -376,7 +376,7 @@ class Windage(Effect):
     title = "windage"
     stage = Stage.LOAD
     equation = r"-c v^3"
-    trace = "cubic over velocity"
+    signature = "cubic over velocity"
 
     drag: float = parameter("{torque} s^3/{angle}^3", "drag", lower=0.0)
 
@@ -384,8 +384,8 @@ class Windage(Effect):
         return -self.drag * at.velocity**3
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
-        yield Trace(
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
+        yield Regressors(
             columns=-(motion.velocity**3)[:, None], positive=(True,), start=lambda c: cls(drag=max(float(c[0]), 0.0))
         )
 

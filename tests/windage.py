@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from plant import Effect
-from plant.effects import Stage, Trace
+from plant.effects import Regressors, Stage
 from plant.effects.effect import parameter, within
 
 
@@ -20,7 +20,7 @@ class Windage(Effect):
     title = "windage"
     stage = Stage.LOAD
     equation = r"\tau_w = -c \dot x^3"
-    trace = "cubic over velocity"
+    signature = "cubic over velocity"
     confused_with = ("quadratic_drag",)
     drag: float = parameter("{torque} s^3/{angle}^3", "drag c", lower=0.0)
 
@@ -29,9 +29,9 @@ class Windage(Effect):
         return -self.drag * at.velocity**3
 
     @classmethod
-    def traces(cls, motion):
+    def regressors(cls, motion):
         """One column."""
-        yield Trace(
+        yield Regressors(
             columns=-(motion.velocity**3)[:, None],
             positive=(True,),
             start=lambda found: cls(drag=within(found[0], cls, "drag")),

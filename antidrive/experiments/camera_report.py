@@ -104,14 +104,14 @@ def sentences_of(settings: CameraSettings, found: Tracked) -> Outcome:
                     "largest_error": float(found.peak[a, b].max()),
                     "copper_loss": float(found.copper_loss[a, b].mean()),
                     "joule_heat_watts": float(found.watts[a, b].mean()),
-                    "least_flank_torque": float(found.least[a, b].min()),
+                    "minimum_contact_torque": float(found.least[a, b].min()),
                 }
                 for a, law in enumerate(LAWS)
                 for b, kind in enumerate(kinds)
             ],
             "tracking_rms": overall,
             "joule_heat_watts": watts,
-            "least_flank_torque": least,
+            "minimum_contact_torque": least,
             "least_error": best,
             "preload": {SIZED: found.laws.sized, WARM: found.laws.warm, SHAPED: found.laws.full},
             "targets_of_each_kind": settings.targets,

@@ -173,7 +173,7 @@ def _sized(
         motor_friction=rig.motor_coulomb,
     )
     laws, planned = PreloadLaws.for_demand(bounds, torque, acceleration), least_effort(bounds, torque, acceleration)
-    shares = {law: np.abs(laws.split(law, torque, planned)).sum(axis=1) for law in LAWS}
+    shares = {law: np.abs(laws.pinion_torques(law, torque, planned)).sum(axis=1) for law in LAWS}
     passed = {law: float(np.mean(share) * rig.gears.mesh_ratios[0]) for law, share in shares.items()}
     return laws, {law: friction + rig.mesh_friction * each for law, each in passed.items()}
 
@@ -230,13 +230,13 @@ def _followed(
         for i, controller in enumerate(controllers):
             at_motors = None if controller.motor_resolution is None else motors[i]
             planned[i] = controller.step(float(seen[i]), foreseen[i], at_motors).torques
-        torque = rig.gears.follower_torque(planned)
+        torque = rig.gears.output_torque(planned)
         for w, law in enumerate(laws_of_drives):
             own = slice(w * length, (w + 1) * length)
-            pinions[own, k] = laws.split(law, torque[own], planned[own])
+            pinions[own, k] = laws.pinion_torques(law, torque[own], planned[own])
         state = fleet.advance(state, pinions[:, k], settings.sample_time)
         if late[k]:
-            least = np.minimum(least, fleet.least_flank_torques(state).min(axis=1))
+            least = np.minimum(least, fleet.minimum_contact_torques(state).min(axis=1))
         parts.done(len(laws_of_drives))
     error = angle - wanted[:, :count]
     return {

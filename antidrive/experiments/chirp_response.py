@@ -29,7 +29,7 @@ class ChirpSettings:
 
     Attributes:
         title: for users.
-        amplitude: of the follower torque [N m].
+        amplitude: of the output torque [N m].
         start, stop: frequencies [Hz]; the model is fitted to the reversed sweep.
         duration, sample_time: [s].
         preload: of each pinion [N m].
@@ -60,7 +60,7 @@ class ChirpSettings:
         return Rig.paper_like(**self.rig)
 
     def torque(self, *, backwards: bool = False) -> Array:
-        """(T,) follower torque of the sweep [N m]."""
+        """(T,) output torque of the sweep [N m]."""
         ends = {"start": self.stop, "stop": self.start} if backwards else {"start": self.start, "stop": self.stop}
         return chirp(amplitude=self.amplitude, duration=self.duration, sample_time=self.sample_time, **ends)
 
@@ -119,7 +119,7 @@ def experiment(settings: ChirpSettings, seed: int) -> ChirpResponse:
         model=model,
         rubbing=rubbing,
         friction=float(dry.values[-1]),
-        contact_lost=bool(np.min(played.least_flank_torques) <= 0.0),
+        contact_lost=bool(np.min(played.minimum_contact_torques) <= 0.0),
         steps=np.array(settings.steps),
         difference=np.array([_difference(settings, step) for step in settings.steps]),
     )
@@ -127,7 +127,7 @@ def experiment(settings: ChirpSettings, seed: int) -> ChirpResponse:
 
 def _played(settings: ChirpSettings, torque: Array, seed: int) -> RigRecord:
     rig = settings.machine()
-    pinions = rig.gears.split(torque, settings.preload / rig.gears.null_vector[0])
+    pinions = rig.gears.pinion_torques(torque, settings.preload / rig.gears.null_vector[0])
     return rig.run(pinions, settings.sample_time, seed, start=rig.rest(torques=pinions[0]))
 
 

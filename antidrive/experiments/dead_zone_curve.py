@@ -30,7 +30,7 @@ class DeadZoneSettings:
 
     Attributes:
         title: for users.
-        amplitude: of the commanded torque, at the follower [N m].
+        amplitude: of the commanded torque, at the output gear [N m].
         frequency: of its triangle [Hz].
         duration, sample_time: [s].
         brake: dry friction that holds the load [N m].
@@ -70,7 +70,7 @@ class DeadZoneCurves:
     """Curves of B machines over T samples, and values measured from them.
 
     Attributes:
-        time, commanded: (T,) [s], commanded torque of the drive, at the follower [N m].
+        time, commanded: (T,) [s], commanded torque of the drive, at the output gear [N m].
         twist: (T, B) motor angle at the load side less load angle, by the encoders [rad].
         passed: (T, B) torque transmitted by the teeth [N m].
         actual, backlash: (B,) backlash [rad].
@@ -117,7 +117,7 @@ def experiment(settings: DeadZoneSettings, seed: int) -> DeadZoneCurves:
     use = settled & (np.abs(before) > ON_A_FLANK * settings.amplitude) & (direction != 0.0)
     columns = np.column_stack((np.ones(commanded.size), 0.5 * np.sign(before), before, -direction))[use]
     _, backlash, give, lag = np.linalg.lstsq(columns, twist[use], rcond=None)[0]
-    passed, rate = played.flank_torques[:, :, 0], 4.0 * settings.amplitude * settings.frequency
+    passed, rate = played.contact_torques[:, :, 0], 4.0 * settings.amplitude * settings.frequency
     backlashes = np.array(settings.gaps)
     return DeadZoneCurves(
         time=played.time,

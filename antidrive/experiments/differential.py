@@ -42,7 +42,7 @@ class DifferentialSettings:
         sample_time: [s].
         stiffness, damping: of the loop that holds the load [N m/rad], [N m s/rad].
         creep: speed at which the load creeps meanwhile [rad/s].
-        amplitude, start, stop, duration: of the follower torque in common mode [N m], [Hz], [Hz], [s].
+        amplitude, start, stop, duration: of the output torque in common mode [N m], [Hz], [Hz], [s].
         preloads: of each drive in common mode, at the load side [N m].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
@@ -181,7 +181,7 @@ def _common(settings: DifferentialSettings, rig: Rig, preload: float, seed: int)
         duration=settings.duration,
         sample_time=5.0 * settings.sample_time,
     )
-    pinions = rig.gears.split(
+    pinions = rig.gears.pinion_torques(
         torque, np.full(torque.size, preload / (rig.gears.mesh_ratios * rig.gears.null_vector)[0])
     )
     played = rig.run(pinions, 5.0 * settings.sample_time, seed, start=rig.rest(torques=pinions[0]))

@@ -149,7 +149,10 @@ def experiment(settings: LossSettings, seed: int, tell: Tell | None = None) -> L
         }
         for name, value in of_all.items():
             numbers[name][d, m, r] = value
-        flags[:, d, m, r] = np.min(played.flank_torques[:first]) > 0.0, np.min(played.flank_torques[first:, 1 - d]) <= 0
+        flags[:, d, m, r] = (
+            np.min(played.contact_torques[:first]) > 0.0,
+            np.min(played.contact_torques[first:, 1 - d]) <= 0,
+        )
         stated &= [KNOWN in status for status in played.status] == [k >= known for k in range(time.size)]
         errors[m] = error
         parts.done()

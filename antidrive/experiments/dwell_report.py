@@ -32,7 +32,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
                     "gaps": [0.0, *settings.gaps],
                     "dwell": found.samples[f, s].tolist(),
                     "tracking_rms": found.error[f, s].tolist(),
-                    "least_flank_torque": found.least[f, s].tolist(),
+                    "minimum_contact_torque": found.least[f, s].tolist(),
                     "copper_loss": found.copper_loss[f, s].tolist(),
                 }
             )

@@ -27,7 +27,7 @@ class GearTrainSettings:
     Attributes:
         title: for users.
         stages: driven and driving teeth of each stage in series: 46, 18, 41, 17, ...
-        pinion_teeth, follower_teeth: of the final mesh.
+        pinion_teeth, output_teeth: of the final mesh.
         motor_speed: without load, at the supply voltage [rpm].
         supply_voltage: [V].
         winding_resistance: of each motor [ohm]; the paper does not give it.
@@ -39,7 +39,7 @@ class GearTrainSettings:
     title: str
     stages: tuple[float, ...]
     pinion_teeth: int
-    follower_teeth: int
+    output_teeth: int
     motor_speed: float
     supply_voltage: float
     winding_resistance: float
@@ -58,7 +58,7 @@ class GearTrainSettings:
         """The gear train."""
         teeth = [int(count) for count in self.stages]
         pairs = tuple(zip(teeth[::2], teeth[1::2], strict=True))
-        return GearTrain(pinion_teeth=(self.pinion_teeth,) * 2, follower_teeth=self.follower_teeth, stages=pairs)
+        return GearTrain(pinion_teeth=(self.pinion_teeth,) * 2, output_teeth=self.output_teeth, stages=pairs)
 
     def machine(self) -> Rig:
         """The rig, with a pure inertia as load."""

@@ -23,7 +23,7 @@ ONE, SIZED, WARM, SHAPED, PLANNED = LAWS = (
 
 @dataclass(frozen=True, kw_only=True)
 class PreloadLaws:
-    """Laws of the preload p, the torque of each pinion without load, over the follower torque tau.
+    """Laws of the preload p, the torque of each pinion without load, over the output torque tau.
 
         constant         p is enough for the peak: n p >= |J_L a + tau_L|/2 + n (T_min + f)   (equal split)
         of equal loss    p such that the copper loss equals that of least effort
@@ -46,7 +46,7 @@ class PreloadLaws:
 
     @classmethod
     def for_demand(cls, bounds: Bounds, torque: Array, acceleration: Array) -> PreloadLaws:
-        """Laws sized for follower torques (T,) [N m], rotors included, at accelerations (T,) [rad/s^2]."""
+        """Laws sized for output torques (T,) [N m], rotors included, at accelerations (T,) [rad/s^2]."""
         ratio = float(bounds.gears.mesh_ratios[0])
         rotors = float(np.sum(bounds.rotor_inertias * bounds.gears.motor_ratios**2))
         load = np.max(np.abs(torque - rotors * acceleration))
@@ -66,8 +66,8 @@ class PreloadLaws:
             full=same_heat(lambda torque, preload: _faded(bounds, torque, preload)),
         )
 
-    def split(self, law: str, torque: Array, planned: Array) -> Array:
-        """Pinion torques (B, m) [N m] for follower torques (B,) [N m], m = 1 for `ONE`; clipped to the greatest torque.
+    def pinion_torques(self, law: str, torque: Array, planned: Array) -> Array:
+        """Pinion torques (B, m) [N m] for output torques (B,) [N m], m = 1 for `ONE`; clipped to the greatest torque.
 
         Args:
             law: one of `LAWS`.
@@ -87,7 +87,7 @@ class PreloadLaws:
 
 def _split(bounds: Bounds, torque: Array, preload: Array) -> Array:
     """Equation (3), with the preload as torque of the first pinion."""
-    return bounds.gears.split(torque, preload / bounds.gears.null_vector[0])
+    return bounds.gears.pinion_torques(torque, preload / bounds.gears.null_vector[0])
 
 
 def _faded(bounds: Bounds, torque: Array, full: float) -> Array:

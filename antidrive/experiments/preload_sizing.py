@@ -27,7 +27,7 @@ from plant.rig import Rig
 
 STRATEGIES: Final = ("equal split", "constant slave")
 SHARES: Final = np.array([[0.5, 0.5], [0.0, 1.0]])
-"""(2, 2) share of the follower torque of drives 1 and 2 in each strategy."""
+"""(2, 2) share of the output torque of drives 1 and 2 in each strategy."""
 FROM, FASTER, DAMPING = (
     1.0,
     10.0,
@@ -113,7 +113,7 @@ class Sizing:
         meshes, noises, bandwidths: (C,) [N m/rad], [rad], [Hz].
         formula: (2,) preload with T_min = 0 [N m].
         least: (C, 2) least T_min that kept contact [N m]; infinite if none did.
-        noise_torque: (C,) standard deviation of the follower torque caused by the noise through the loop [N m].
+        noise_torque: (C,) standard deviation of the output torque caused by the noise through the loop [N m].
         time: (T,) [s].
         flanks: (T, 2, 2) smaller contact torque of the middle combination with the least noise [N m]; by strategy, and
             with the preload of the formula or the least one.
@@ -179,7 +179,7 @@ class _Loop:
     """B machines under one reversing motion: their contact torques for given preloads."""
 
     def __init__(self, settings: SizingSettings, rigs: list[Rig], bandwidths: Array, shares: Array, seed: int) -> None:
-        """Motion, feedforward and gains; shares (B, 2) of the follower torque for each drive."""
+        """Motion, feedforward and gains; shares (B, 2) of the output torque for each drive."""
         self._fleet, self._shares, self._dt = Fleet(rigs), shares, settings.sample_time
         rig, w = rigs[0], 2.0 * np.pi * settings.frequency
         self.time = np.arange(round(settings.periods / settings.frequency / self._dt), dtype=np.float64) * self._dt
@@ -210,7 +210,7 @@ class _Loop:
             torque = self._feed[k] + self._stiffness * (self._wanted[k] - angle)
             torque += self._damping * (self._rate[k] - rate)
             state = fleet.advance(state, (held + self._shares * torque[:, None]) / rig.torque_map, dt)
-            found[k] = fleet.least_flank_torques(state)
+            found[k] = fleet.minimum_contact_torques(state)
         return found
 
     def keeps(self, preload: Array) -> NDArray[np.bool_]:

@@ -67,7 +67,7 @@ def run(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Outcom
         columns={
             "time": found.time,
             **{
-                f"least_flank_torque_{name.replace(' ', '_')}_{how}": found.flanks[:, s, h]
+                f"minimum_contact_torque_{name.replace(' ', '_')}_{how}": found.flanks[:, s, h]
                 for s, name in enumerate(STRATEGIES)
                 for h, how in enumerate(("formula", "found"))
             },

@@ -57,10 +57,12 @@ def logs_of(fleet: Fleet, sweep: Sweep, *, creep: ArrayLike, seed: int, parts: P
     wanted_rate = np.broadcast_to(np.asarray(creep, dtype=np.float64), (count,))
     reading, motors, pinions = (np.empty((preload.size, count, *more)) for more in ((), (drives,), (drives,)))
 
-    def split(torque: Array, preload: float) -> Array:
-        return rig.gears.split(torque, np.full(count, preload / (rig.gears.mesh_ratios * rig.gears.null_vector)[0]))
+    def allocated(torque: Array, preload: float) -> Array:
+        return rig.gears.pinion_torques(
+            torque, np.full(count, preload / (rig.gears.mesh_ratios * rig.gears.null_vector)[0])
+        )
 
-    state = fleet.rest(torques=split(np.zeros(count), preload[0]))
+    state = fleet.rest(torques=allocated(np.zeros(count), preload[0]))
     start = before = np.mean(fleet.motor_angles(state) / -rig.motor_ratios, axis=1)
     rate = np.zeros(count)
     for k, size in enumerate(preload):
@@ -69,7 +71,7 @@ def logs_of(fleet: Fleet, sweep: Sweep, *, creep: ArrayLike, seed: int, parts: P
         held = np.mean(motors[k] / -rig.motor_ratios, axis=1)
         rate, before = _FORGETS * rate + (1.0 - _FORGETS) * (held - before) / dt, held
         off = start + wanted_rate * (k * dt) - held
-        pinions[k] = split(sweep.stiffness * off + sweep.damping * (wanted_rate - rate), size)
+        pinions[k] = allocated(sweep.stiffness * off + sweep.damping * (wanted_rate - rate), size)
         state = fleet.advance(state, pinions[k], dt)
         if parts is not None:
             parts.done()
@@ -82,7 +84,7 @@ def _log(fleet: Fleet, time: Array, reading: Array, motors: Array, pinions: Arra
         label="preload sweep",
         number=0,
         time=time,
-        command=fleet.rigs[0].gears.follower_torque(pinions),
+        command=fleet.rigs[0].gears.output_torque(pinions),
         output=reading,
         valid=np.ones(time.size, dtype=bool),
         servo_gain=np.zeros(time.size),

@@ -93,7 +93,7 @@ class Dwell:
     Attributes:
         samples: (F, S, G) dwell [samples].
         error: (F, S, G) rms of load angle less reference [rad].
-        least: (F, S, G) minimum contact torque [N m], follower side.
+        least: (F, S, G) minimum contact torque [N m], output side.
         copper_loss: (F, S, G) mean of the sum of xi_i^2 [N^2 m^2].
         time: (T,) of the slowest motion, in samples [s].
         angle: (T, S, G) measured load angle in it [rad].
@@ -169,13 +169,13 @@ def _simulated(settings: DwellSettings, frequency: float, strategy: str, seed: i
     """One motion on all machines: PD control of the motors' mean angle, with feed-forward of model and friction."""
     fleet = Fleet(settings.machines((2,) if strategy == ONE else (1, 2)))
     rig, dt = fleet.rigs[0], settings.sample_time / TICKS
-    split, w = _split(settings, rig, strategy), 2.0 * np.pi * frequency
+    allocated, w = _split(settings, rig, strategy), 2.0 * np.pi * frequency
     time = np.arange(_ticks(settings, frequency)) * dt
     wanted = settings.amplitude * (1.0 - np.cos(w * time))
     rate, acceleration = settings.amplitude * w * np.sin(w * time), settings.amplitude * w**2 * np.cos(w * time)
     feed = rig.total_inertia * acceleration + rig.viscous_friction * rate + settings.friction_feed * np.sign(rate)
     noise = np.random.default_rng(seed).standard_normal((time.size, len(fleet)))
-    state, lag = fleet.rest(torques=split(0.0, 0.0)), 3
+    state, lag = fleet.rest(torques=allocated(0.0, 0.0)), 3
     at_rest = _motor_side(fleet, fleet.motor_angles(state))
     angle, motors, least, loss = [], [], np.full(len(fleet), np.inf), np.zeros(len(fleet))
     for k in range(time.size):
@@ -184,10 +184,10 @@ def _simulated(settings: DwellSettings, frequency: float, strategy: str, seed: i
         before = max(k - lag, 0)
         speed = (motors[k] - motors[before]) / (max(k - before, 1) * dt)
         torque = feed[k] + settings.stiffness * (wanted[k] - motors[k]) + settings.damping * (rate[k] - speed)
-        pinions = split(torque, acceleration[k])
+        pinions = allocated(torque, acceleration[k])
         state = fleet.advance(state, pinions, dt)
         if time[k] > FROM / frequency:
-            least = np.minimum(least, fleet.least_flank_torques(state).min(axis=1))
+            least = np.minimum(least, fleet.minimum_contact_torques(state).min(axis=1))
             loss += np.sum(pinions**2, axis=1)
         parts.done()
     read = np.array(angle)[::TICKS]
@@ -207,13 +207,13 @@ def _motor_side(fleet: Fleet, motors: Array) -> Array:
 
 
 def _split(settings: DwellSettings, rig: Rig, strategy: str) -> Callable[[Array | float, float], Array]:
-    """Function that allocates follower torques (B,) at an acceleration to the pinions (B, m)."""
+    """Function that allocates output torques (B,) at an acceleration to the pinions (B, m)."""
     if strategy == ONE:
         return lambda torque, _: np.asarray(torque)[..., None] / rig.torque_map
     constant = settings.strategies[strategy]
     if constant is not None:
         preload = constant / rig.gears.null_vector[0]
-        return lambda torque, _: rig.gears.split(torque, preload)
+        return lambda torque, _: rig.gears.pinion_torques(torque, preload)
     bounds = Bounds(
         gears=rig.gears,
         min_torque=settings.min_torque,

@@ -81,8 +81,8 @@ def links_of(
     """The links before a position servo's law, and those after it, in signal order."""
     before: list[Memory] = []
     behind: list[Link | Memory] = []
-    if "goal_rate_limit" in effects:
-        before.append(Ramp("goal_rate_limit", rate=effects["goal_rate_limit"]["rate"]))
+    if "setpoint_rate_limit" in effects:
+        before.append(Ramp("setpoint_rate_limit", rate=effects["setpoint_rate_limit"]["rate"]))
     if "rate_limit" in effects:
         behind.append(Ramp("rate_limit", rate=effects["rate_limit"]["rate"]))
     if "actuator_lag" in effects:
@@ -104,7 +104,7 @@ def links_of(
 
 @dataclass
 class Actuator:
-    """The drive: a torque command, or the law kp (goal - angle) - kd velocity of a position servo.
+    """The drive: a torque command, or the law kp (set-point - angle) - kd velocity of a position servo.
 
     Attributes:
         added: time integral of the torque that each link has added since the last reset [N m s].

@@ -48,14 +48,14 @@ TABLE: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("actuator_lag", ("sensor_lag",), "both lags are linear and in series"),
     ("sensor_lag", ("input_delay",), "to first order both are a time"),
     ("sensor_lag", ("actuator_lag",), "both lags are linear and in series"),
-    ("goal_rate_limit", ("rate_limit",), "is the same thing at one servo gain"),
-    ("encoder_eccentricity", ("cogging",), "at a steady acceleration an error of the reading is a torque"),
+    ("setpoint_rate_limit", ("rate_limit",), "is the same thing at one servo gain"),
+    ("encoder_eccentricity", ("cogging",), "at a steady acceleration an error of the measurement is a torque"),
 )
 
 HOLD = {
     "coulomb_friction": (("stribeck_friction",), ("presliding_hysteresis",), ("asymmetric_friction",)),
     "torque_offset": (("cable_stiffness",),),
-    "goal_rate_limit": (("rate_limit",),),
+    "setpoint_rate_limit": (("rate_limit",),),
 }
 """Effects with another one as a special case, on every log; whether they add more is tested in the scoring."""
 

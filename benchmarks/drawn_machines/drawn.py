@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 LEFT_OUT = 0.2  # share of the logs with an effect in which one effect is no candidate
 NO_TORQUE = {
-    *("input_delay", "actuator_lag", "rate_limit", "goal_rate_limit"),
+    *("input_delay", "actuator_lag", "rate_limit", "setpoint_rate_limit"),
     *("compliance", "backlash", "encoder_eccentricity", "sensor_lag"),
 }
 """Effects that change the transmission of the torque or the measurement of the angle, and add no torque."""

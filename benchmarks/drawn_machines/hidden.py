@@ -176,7 +176,7 @@ def _rate_limit(rng: np.random.Generator, b: Basis, size: float) -> Values | Non
     return None if rate is None else {"rate": rate}
 
 
-def _goal_rate_limit(rng: np.random.Generator, b: Basis, size: float) -> Values | None:
+def _setpoint_rate_limit(rng: np.random.Generator, b: Basis, size: float) -> Values | None:
     top = float(np.quantile(np.abs(b.velocity), 0.98))
     return {"rate": top * rng.uniform(0.4, 0.9)} if b.servo and top > 0.0 else None
 
@@ -245,7 +245,7 @@ DRAWS: dict[str, Draw] = {
     "friction_drift": _drift,
     "torque_saturation": _saturation,
     "rate_limit": _rate_limit,
-    "goal_rate_limit": _goal_rate_limit,
+    "setpoint_rate_limit": _setpoint_rate_limit,
     "input_delay": _delay,
     "actuator_lag": _lag,
     "sensor_lag": _lag,
@@ -262,11 +262,11 @@ ONE_OF = (
     {"input_delay", "actuator_lag", "sensor_lag"},
     {"torque_offset", "asymmetric_friction"},
     {"torque_offset", "cable_stiffness"},
-    {"rate_limit", "goal_rate_limit", "torque_saturation"},
+    {"rate_limit", "setpoint_rate_limit", "torque_saturation"},
 )
 """Not together: one has the other as a special case, or two are equivalent to a third."""
 BEHIND_THE_MEASUREMENT = {
-    *("input_delay", "actuator_lag", "back_emf", "torque_saturation", "rate_limit", "goal_rate_limit"),
+    *("input_delay", "actuator_lag", "back_emf", "torque_saturation", "rate_limit", "setpoint_rate_limit"),
 }
 """Part of a measured current."""
 IN_THE_LOOP = {"encoder_eccentricity", "sensor_lag"}

@@ -82,9 +82,9 @@ class Responses:
     @classmethod
     def of(cls, families: Families, filters: tuple[Filter, ...], noise: float) -> Responses:
         """Response through the predictor of each run; measurement errors are scaled by `noise` [rad]."""
-        on_torque = response(filters, families.torque, on_reading=False)
-        on_reading = response(filters, noise * families.measurement, on_reading=True)
-        columns = np.hstack((on_torque, on_reading))
+        on_torque = response(filters, families.torque, on_measurement=False)
+        on_measurement = response(filters, noise * families.measurement, on_measurement=True)
+        columns = np.hstack((on_torque, on_measurement))
         np.negative(columns, out=columns)
         bounded = np.abs(columns) < _HUGE  # nor is it where the response is not a number
         if not bounded.all():

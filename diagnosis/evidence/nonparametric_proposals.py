@@ -51,12 +51,12 @@ def promising(screen: Screen, kinds: Iterable[type[Nonparametric]]) -> list[tupl
 def _by_shape(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float, Nonparametric]]:
     """Each shape of a kind with its expected gain in log-likelihood, less the costs of its sizes and of the search."""
     left = screen.nuisance.beyond(screen.innovations)
-    for trace in kind.traces(screen.motion):
-        columns = -response(screen.filters, trace.columns, on_reading=trace.acts_on == "reading")
+    for each in kind.regressors(screen.motion):
+        columns = -response(screen.filters, each.columns, on_measurement=each.acts_on == "measurement")
         beyond = screen.nuisance.beyond(np.asarray(np.where(np.isfinite(columns), columns, 0.0)))
         sizes = np.asarray(np.linalg.lstsq(beyond, left, rcond=_RANK_TOLERANCE)[0], dtype=np.float64)
         share = float(np.sum((left - beyond @ sizes) ** 2) / max(float(left @ left), 1e-300))
-        cost = 0.5 * len(sizes) * np.log(screen.fit.samples) + np.log(trace.searched)
-        start = trace.start(sizes)
+        cost = 0.5 * len(sizes) * np.log(screen.fit.samples) + np.log(each.searched)
+        start = each.start(sizes)
         if isinstance(start, Nonparametric):
             yield -0.5 * screen.fit.samples * np.log(max(share, 1e-12)) - cost, start

@@ -83,7 +83,9 @@ class SetLikelihood:
     def share(self) -> float:
         """Size of the unmodelled torque divided by that of the whole torque [-], as changes of the innovations."""
         torque = np.concatenate([run.drive for run in self.fit.log.runs])
-        whole = self.discrepancy.beyond_initial_states(response(self.here.filters, torque[:, None], on_reading=False))
+        whole = self.discrepancy.beyond_initial_states(
+            response(self.here.filters, torque[:, None], on_measurement=False)
+        )
         beyond = self.here.nuisance().beyond(self.unmodelled)
         return float(np.linalg.norm(beyond)) / max(float(np.linalg.norm(whole)), 1e-300)
 

@@ -19,7 +19,7 @@ from diagnosis.linear import AT_ONCE, response
 from diagnosis.nuisance import Nuisance
 from identification.least_squares import bounded_least_squares
 from identification.threads import in_threads
-from plant.effects import Effect, Motion, Trace
+from plant.effects import Effect, Motion, Regressors
 from plant.effects.effect import Array
 
 _CLOSER = 4  # best shapes of an effect that are refined
@@ -53,38 +53,38 @@ class Signatures:
         power = float(left @ left)
         shapes: list[Signature] = []
 
-        def draw(traces: Iterable[tuple[str, Trace]]) -> Array:
-            handfuls = list(_handfuls(traces))
-            ends = np.cumsum([0, *(sum(trace.columns.shape[1] for _, trace in some) for some in handfuls)])
+        def draw(named: Iterable[tuple[str, Regressors]]) -> Array:
+            handfuls = list(_handfuls(named))
+            ends = np.cumsum([0, *(sum(each.columns.shape[1] for _, each in some) for some in handfuls)])
             found = np.empty((left.size, int(ends[-1])))
 
             def see(place: int) -> None:
                 some = handfuls[place]
-                columns = np.hstack([trace.columns for _, trace in some])
-                drawn = response(screen.filters, columns, on_reading=some[0][1].acts_on == "reading")
+                columns = np.hstack([each.columns for _, each in some])
+                drawn = response(screen.filters, columns, on_measurement=some[0][1].acts_on == "measurement")
                 with np.errstate(over="ignore", invalid="ignore"):
                     bounded = np.where(np.abs(drawn) < 1e100, -drawn, 0.0)
                 found[:, ends[place] : ends[place + 1]] = parameters.beyond(bounded)
 
             in_threads(see, range(len(handfuls)))
             first = shapes[-1].columns.stop if shapes else 0
-            for name, trace in chain.from_iterable(handfuls):
-                last = first + trace.columns.shape[1]
+            for name, each in chain.from_iterable(handfuls):
+                last = first + each.columns.shape[1]
                 shapes.append(
                     Signature(
                         name=name,
                         columns=slice(first, last),
-                        positive=trace.positive or (False,) * trace.columns.shape[1],
-                        searched=trace.searched,
+                        positive=each.positive or (False,) * each.columns.shape[1],
+                        searched=each.searched,
                         forms=forms(effects[name]),
                         kind=effects[name],
-                        start=trace.start,
+                        start=each.start,
                     )
                 )
                 first = last
             return found
 
-        every = in_threads(lambda item: [(item[0], t) for t in item[1].traces(screen.motion)], effects.items())
+        every = in_threads(lambda item: [(item[0], t) for t in item[1].regressors(screen.motion)], effects.items())
         coarse = draw(pair for pair in chain.from_iterable(every) if pair[1].prior is None)
         first = Products(gram=coarse.T @ coarse, pull=coarse.T @ left, power=power)
         fine = draw(_closer(list(shapes), first, screen.motion))
@@ -110,8 +110,8 @@ class Signatures:
         return cls(shapes=tuple(shapes), plain=plain, views=tuple(views), samples=samples, catalogue=catalogue)
 
 
-def _closer(shapes: Sequence[Signature], products: Products, motion: Motion) -> Iterator[tuple[str, Trace]]:
-    """Refined traces, near the shapes of each effect that explain most."""
+def _closer(shapes: Sequence[Signature], products: Products, motion: Motion) -> Iterator[tuple[str, Regressors]]:
+    """Refined regressors, near the shapes of each effect that explain most."""
     by_name: dict[str, list[tuple[float, Signature]]] = {}
     for power, shape in zip(powers(products, products, shapes), shapes, strict=True):
         by_name.setdefault(shape.name, []).append((power, shape))
@@ -119,18 +119,18 @@ def _closer(shapes: Sequence[Signature], products: Products, motion: Motion) -> 
         for _, shape in sorted(own, key=lambda pair: -pair[0])[:_CLOSER]:
             at = shape.columns
             sizes = bounded_least_squares(products.gram[at, at], products.pull[at], shape.positive)
-            for trace in shape.start(sizes).closer(motion):
-                yield name, trace
+            for each in shape.start(sizes).closer(motion):
+                yield name, each
 
 
-def _handfuls(traces: Iterable[tuple[str, Trace]]) -> Iterator[list[tuple[str, Trace]]]:
-    """Groups of traces with at most `AT_ONCE` columns; torques and measurement errors are in separate groups."""
-    some: list[tuple[str, Trace]] = []
-    for name, trace in traces:
-        full = sum(t.columns.shape[1] for _, t in some) + trace.columns.shape[1] > AT_ONCE
-        if some and (full or trace.acts_on != some[0][1].acts_on):
+def _handfuls(named: Iterable[tuple[str, Regressors]]) -> Iterator[list[tuple[str, Regressors]]]:
+    """Groups of regressors with at most `AT_ONCE` columns; torques and measurement errors are in separate groups."""
+    some: list[tuple[str, Regressors]] = []
+    for name, each in named:
+        full = sum(t.columns.shape[1] for _, t in some) + each.columns.shape[1] > AT_ONCE
+        if some and (full or each.acts_on != some[0][1].acts_on):
             yield some
             some = []
-        some.append((name, trace))
+        some.append((name, each))
     if some:
         yield some

@@ -18,7 +18,7 @@ from diagnosis.linear import response
 from diagnosis.result import Estimate
 from diagnosis.score_test import Screen
 from identification.fit_result import Fit
-from plant.effects import Trace, catalogue
+from plant.effects import Regressors, catalogue
 
 _LARGE = 100.0  # standard errors; every effect of this size is detected
 
@@ -35,7 +35,7 @@ def detectable(fit: Fit, candidates: Collection[str]) -> dict[str, Estimate]:
     for name in candidates:
         kind = catalogue.get(name)
         specs = () if kind is None else kind.parameters()
-        shapes = list(kind.traces(screen.motion)) if kind is not None else []
+        shapes = list(kind.regressors(screen.motion)) if kind is not None else []
         if len(specs) != 1 or len(shapes) != 1 or shapes[0].columns.shape[1] != 1:
             continue
         (spec,) = specs
@@ -55,8 +55,9 @@ def _noticed(sides: int, catalogue: int) -> float:
     return float(brentq(over, 1.0, _LARGE))
 
 
-def _standard_error(screen: Screen, trace: Trace) -> float:
+def _standard_error(screen: Screen, regressors: Regressors) -> float:
     """Standard error of the signature's coefficient."""
-    seen = screen.nuisance.beyond(response(screen.filters, trace.columns, on_reading=trace.acts_on == "reading"))
+    on_measurement = regressors.acts_on == "measurement"
+    seen = screen.nuisance.beyond(response(screen.filters, regressors.columns, on_measurement=on_measurement))
     information = float((seen**2).sum())
     return screen.fit.noise_std / float(np.sqrt(information)) if information > 0.0 else np.inf

@@ -104,7 +104,7 @@ def _over(diagnosis: Findings, cause: Cause, seen: ResidualOverVariable | None) 
     """The expected signature of a cause, and the variable over which the residual torque shows it."""
     kind = effect_of(diagnosis, cause.effect)
     axis = diagnosis.base.log.axis
-    expected = f"Its signature: {on_axis(kind.trace, axis)}. " if kind is not None else ""
+    expected = f"Its signature: {on_axis(kind.signature, axis)}. " if kind is not None else ""
     if seen is None:
         lacked = torque_or_force(diagnosis.residual_before.unit)
         return f"{expected}The residual {lacked} does not show it over one variable; the one-step predictions do."
@@ -149,7 +149,7 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
             known = other.name in kind.confused_with or kind.name in other.confused_with
             look = "; the two are known to be confounded" if known else ""
             lines.append(
-                f"The signature of {other.title} would be: {on_axis(other.trace, diagnosis.base.log.axis)}{look}."
+                f"The signature of {other.title} would be: {on_axis(other.signature, diagnosis.base.log.axis)}{look}."
             )
     return lines if experiment is None else [*lines, str(experiment)]
 

@@ -30,7 +30,7 @@ _LARGEST_RATIO = 0.35  # largest logarithm of the ratio of two pinions of one ge
 _SLOW_TO_FAST = 3.0  # ratio of load to motor that no reducing gear has
 
 
-def check_goal_unit(recording: Recording) -> None:
+def check_setpoint_unit(recording: Recording) -> None:
     """Raise an error if the set-point of a position servo is in another unit than the output."""
     if not recording.servo_gain.any():
         return

@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.checks.angle_unit import unit_of_the_angle, wraps_in_degrees
 from identification.checks.causality import cause_and_effect
-from identification.checks.channels import check_goal_unit, inconsistent_channels
+from identification.checks.channels import check_setpoint_unit, inconsistent_channels
 from identification.checks.faults import find_flat_tops, find_frozen, find_spikes, find_wraps, quantum, stretches
 from identification.checks.jumps import mask_dropouts, split_at_jumps
 from identification.checks.missing import bridge, fill_command, fill_others, fill_output
@@ -55,7 +55,7 @@ def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
                 f"{part.label}: only {np.mean(part.valid):.0%} of the samples of '{part.name('output')}' can be used, "
                 "record this run again or leave it out."
             )
-        check_goal_unit(part)
+        check_setpoint_unit(part)
         part, found = check_velocity_unit(part)
         findings += found
         for warn in WARNINGS if part.response == "angle" else (clock,):

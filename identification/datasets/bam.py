@@ -1,8 +1,8 @@
 """BAM raw logs: a Dynamixel XL330 position servo that moves a pendulum.
 
 Duclusaud et al.: Extended Friction Models for the Physics Simulation of Servo Actuators. ICRA 2025. One JSON file per
-run; the firmware's law is duty = kp * 4096 / (2 pi) / (256 * 885) * (goal - angle). The register `load` holds the pulse
-width in 1/885, and agrees with that law within 1 %.
+run; the firmware's law is duty = kp * 4096 / (2 pi) / (256 * 885) * (set-point - angle). The register `load` holds the
+pulse width in 1/885, and agrees with that law within 1 %.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """K-Scale servo bench: Feetech STS3215 position servos (12 V) that move a known mass on an arm.
 
 K-Scale Labs, sysid repository, 2025: masses of 0.5 to 1.2 kg at 100 or 150 mm, six firmware gains, five trajectories,
-repeated. The authors measured the firmware's law: duty = kp * 0.16489 / rad * (goal - angle). Its goal is not the
-commanded set-point: the firmware limits the rate of its goal to about 5 rad/s at any gain (`goal_rate_limit`; the data
-show the same ramp at all gains, the published law does not include it).
+repeated. The authors measured the firmware's law: duty = kp * 0.16489 / rad * (set-point - angle). Its set-point is
+not the commanded one: the firmware limits its rate to about 5 rad/s at any gain (`setpoint_rate_limit`; the data show
+the same ramp at all gains, the published law does not include it).
 """
 
 from __future__ import annotations

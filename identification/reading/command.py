@@ -129,8 +129,8 @@ def _pinions(
         )
     else:
         first, second = np.asarray(reading.gears.torque_map, dtype=np.float64)  # paper, eq. (2)
-    follower = first * channels["torque_1"] + second * channels["torque_2"]
-    return _plain(follower, f"{found['torque_1']}, {found['torque_2']}", unit, *notes)
+    output_torque = first * channels["torque_1"] + second * channels["torque_2"]
+    return _plain(output_torque, f"{found['torque_1']}, {found['torque_2']}", unit, *notes)
 
 
 def _servo(file: str, found: Mapping[str, str], channels: Mapping[str, Array], axis: str, reading: Reading) -> Command:

@@ -44,8 +44,8 @@ void ${name}_init(struct controller *c)
 
 void ${name}_motors(struct controller *c, real first, real second)
 {
-  c->readings[1] = first;
-  c->readings[2] = DRIVES > 1 ? second : NAN;
+  c->measurements[1] = first;
+  c->measurements[2] = DRIVES > 1 ? second : NAN;
 }
 
 void ${name}_elapsed(struct controller *c, real seconds) { c->elapsed[0] = seconds; }

@@ -13,11 +13,10 @@ from plant.effects.cogging import Cogging
 from plant.effects.compliance import Compliance
 from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.dead_zone import DeadZone
-from plant.effects.effect import Axis, Effect, Expression, Moment, Motion, Parameter, Stage, State, Trace
+from plant.effects.effect import Axis, Effect, Expression, Moment, Motion, Parameter, Regressors, Stage, State
 from plant.effects.encoder_eccentricity import EncoderEccentricity
 from plant.effects.end_stop import EndStop
 from plant.effects.friction_drift import FrictionDrift
-from plant.effects.goal_rate_limit import GoalRateLimit
 from plant.effects.gravity_offset import GravityOffset
 from plant.effects.input_delay import InputDelay
 from plant.effects.load_dependent_friction import LoadDependentFriction
@@ -27,6 +26,7 @@ from plant.effects.presliding_hysteresis import PreslidingHysteresis
 from plant.effects.quadratic_drag import QuadraticDrag
 from plant.effects.rate_limit import RateLimit
 from plant.effects.sensor_lag import SensorLag
+from plant.effects.setpoint_rate_limit import SetpointRateLimit
 from plant.effects.stribeck_friction import StribeckFriction
 from plant.effects.torque_measurement_lag import TorqueMeasurementLag
 from plant.effects.torque_offset import TorqueOffset
@@ -35,7 +35,7 @@ from plant.effects.torque_saturation import TorqueSaturation
 _ALONG_THE_WAY: tuple[type[Effect], ...] = (
     TorqueMeasurementLag,
     InputDelay,
-    GoalRateLimit,
+    SetpointRateLimit,
     RateLimit,
     ActuatorLag,
     TorqueSaturation,
@@ -80,7 +80,6 @@ __all__ = [
     "EndStop",
     "Expression",
     "FrictionDrift",
-    "GoalRateLimit",
     "GravityOffset",
     "InputDelay",
     "LoadDependentFriction",
@@ -92,13 +91,14 @@ __all__ = [
     "PreslidingHysteresis",
     "QuadraticDrag",
     "RateLimit",
+    "Regressors",
     "SensorLag",
+    "SetpointRateLimit",
     "Stage",
     "State",
     "StribeckFriction",
     "TorqueMeasurementLag",
     "TorqueOffset",
     "TorqueSaturation",
-    "Trace",
     "catalogue",
 ]

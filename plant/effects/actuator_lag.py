@@ -8,7 +8,18 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import POSITIVE, Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
+from plant.effects.effect import (
+    POSITIVE,
+    Array,
+    Effect,
+    Expression,
+    Motion,
+    Regressors,
+    Stage,
+    State,
+    parameter,
+    within,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +30,7 @@ class ActuatorLag(Effect):
     title = "actuator lag"
     stage = Stage.ACTUATOR
     equation = r"T_a \dot\tau_a = \tau - \tau_a"
-    trace = "phase and amplitude fall at high frequency"
+    signature = "phase and amplitude fall at high frequency"
     confused_with = ("input_delay", "compliance", "sensor_lag")
     states = (State.TORQUE,)
 
@@ -47,11 +58,11 @@ class ActuatorLag(Effect):
         return state
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The lagged command less the command, for lags from half a sample to a few tens of samples."""
         samples = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
         for lag in (n * motion.sample_time for n in samples):
-            yield Trace(
+            yield Regressors(
                 columns=(motion.arriving(lagged(motion, lag)) - motion.arriving(motion.torque))[:, None],
                 positive=(True,),
                 start=lambda c, lag=lag: cls(

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.coulomb_friction import CoulombFriction
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Moment, Motion, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class AsymmetricFriction(Effect):
     title = "asymmetric friction"
     stage = Stage.LOAD
     equation = r"\tau_f \in -F_\pm\,\mathrm{sgn}(\dot x) - \Delta K\,|\dot x|"
-    trace = "two branches over velocity"
+    signature = "two branches over velocity"
     confused_with = ("torque_offset", "coulomb_friction", "stribeck_friction")
     contains = ("coulomb_friction",)
 
@@ -43,10 +43,10 @@ class AsymmetricFriction(Effect):
         return (CoulombFriction(torque=0.5 * (self.forward + self.backward)),)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Each direction separately, and the speed."""
         forward, backward = np.clip(motion.sign, 0.0, None), np.clip(motion.sign, None, 0.0)
-        yield Trace(
+        yield Regressors(
             columns=-np.column_stack((forward, backward, np.abs(motion.velocity))),
             positive=(True, True, False),
             start=lambda c: cls(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Motion, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class BackEmf(Effect):
     title = "back-EMF"
     stage = Stage.ACTUATOR
     equation = r"\tau \leftarrow \tau - k_e \dot x"
-    trace = "viscous, but not within the dead zone"
+    signature = "viscous, but not within the dead zone"
     confused_with = ("quadratic_drag", "torque_saturation")
 
     constant: float = parameter("{torque} s/{angle}", "torque lost per speed k_e", lower=0.0)
@@ -35,7 +35,7 @@ class BackEmf(Effect):
         return torque + self.constant * velocity
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Torque lost at the load, for constants up to one that takes half the torque at top speed.
 
         With a small constant the torque may never enter the dead zone, and the effect equals viscous friction. The
@@ -47,7 +47,7 @@ class BackEmf(Effect):
             return
         for constant in (0.02 * level / top, 0.5 * level / top):
             lost = motion.arriving(motion.torque - constant * motion.velocity) - motion.arriving(motion.torque)
-            yield Trace(
+            yield Regressors(
                 columns=lost[:, None] / constant,
                 positive=(True,),
                 start=lambda c, least=0.3 * constant: cls(  # type: ignore[misc]

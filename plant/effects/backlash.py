@@ -18,9 +18,9 @@ from plant.effects.effect import (
     Effect,
     Expression,
     Motion,
+    Regressors,
     Stage,
     State,
-    Trace,
     fastest_swing,
     parameter,
     within,
@@ -58,7 +58,7 @@ class Backlash(Effect):
     equation = (
         r"\tau_l = \max(0, k\,(|\theta - x| - g/2) + d\,(\dot\theta - \dot x)\,s)\,s,\; s = \mathrm{sgn}(\theta - x)"
     )
-    trace = "dwell and a knock at each reversal of the torque"
+    signature = "dwell and a knock at each reversal of the torque"
     confused_with = ("dead_zone", "compliance", "presliding_hysteresis")
     multimodal = True
     chaotic = True
@@ -143,7 +143,7 @@ class Backlash(Effect):
         )
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Torque missing during loss of contact and impact after it, for backlashes and shares on a grid.
 
         The typical torque crosses the backlash in half a sample to 60: a fine encoder shows the former too.
@@ -160,7 +160,7 @@ class Backlash(Effect):
         share, gap = (np.array(column) for column in zip(*grid, strict=True))
         crossing = motion.by_run(lambda rows: _crossing(motion, torque, rows, share, gap))
         for place, (own, width) in enumerate(grid):
-            yield Trace(
+            yield Regressors(
                 columns=crossing[:, [place]],
                 positive=(True,),
                 start=lambda c, own=own, width=width: cls(  # type: ignore[misc]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Regressors, Stage, parameter
 from plant.effects.torque_offset import TorqueOffset
 
 
@@ -20,7 +20,7 @@ class CableStiffness(Effect):
     stage = Stage.LOAD
     needs_angle = True
     equation = r"\tau_c = -k_1 (x - x_0) - k_3 (x - x_0)^3"
-    trace = "residual torque over angle, aperiodic"
+    signature = "residual torque over angle, aperiodic"
     confused_with = ("gravity_offset", "torque_offset", "asymmetric_friction")
     contains = ("torque_offset",)
 
@@ -42,7 +42,7 @@ class CableStiffness(Effect):
         return (TorqueOffset(torque=self.stiffness * self.rest_angle + self.cubic * self.rest_angle**3),)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """A linear and a cubic term about the middle of the travel."""
         middle = 0.5 * float(motion.angle.min() + motion.angle.max())
         deflection = motion.angle - middle
@@ -56,4 +56,4 @@ class CableStiffness(Effect):
             return cls(stiffness=float(c[1]), cubic=float(c[2]), rest_angle=middle + shift)
 
         columns = np.column_stack((np.ones_like(deflection), -deflection, -(deflection**3)))
-        yield Trace(columns=columns, positive=(False, True, True), start=start)
+        yield Regressors(columns=columns, positive=(False, True, True), start=start)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from plant.effects.effect import TURN, Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import TURN, Covered, Effect, Expression, Moment, Motion, Regressors, Stage, parameter
 from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_over_angle, waves
 
 
@@ -20,7 +20,7 @@ class Cogging(Effect):
     stage = Stage.LOAD
     needs_angle = True
     equation = r"\tau_c = A \sin(n x + \varphi)"
-    trace = "order lines over angle, constant in torque"
+    signature = "order lines over angle, constant in torque"
     confused_with = ("encoder_eccentricity", "gravity_offset")
     multimodal = True
     periodic = True
@@ -42,18 +42,18 @@ class Cogging(Effect):
         return self.order * log.travel >= 2.0 * TURN and not as_gravity
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Sine and cosine at the orders that would improve the fit most."""
         orders, searched = lines_over_angle(motion)
         return (cls._at(order, motion, searched) for order in orders)
 
-    def closer(self, motion: Motion) -> Iterator[Trace]:
+    def closer(self, motion: Motion) -> Iterator[Regressors]:
         """Sine and cosine at neighbouring orders."""
         return (self._at(order, motion) for order in closer(motion.angle, self.order))
 
     @classmethod
-    def _at(cls, order: float, motion: Motion, searched: int = 1) -> Trace:
-        return Trace(
+    def _at(cls, order: float, motion: Motion, searched: int = 1) -> Regressors:
+        return Regressors(
             columns=waves(motion.angle, order),
             start=lambda c: cls(amplitude=as_wave(c)[0], order=order, phase=as_wave(c)[1]),
             searched=searched,

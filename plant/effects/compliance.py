@@ -14,9 +14,9 @@ from plant.effects.effect import (
     Effect,
     Expression,
     Motion,
+    Regressors,
     Stage,
     State,
-    Trace,
     fastest_swing,
     parameter,
     within,
@@ -36,7 +36,7 @@ class Compliance(Effect):
     title = "compliance"
     stage = Stage.DRIVETRAIN
     equation = r"\tau_l = k(\theta - x) + d(\dot\theta - \dot x)"
-    trace = "ringing; an anti-resonance and a resonance"
+    signature = "ringing; an anti-resonance and a resonance"
     confused_with = ("backlash", "input_delay", "actuator_lag")
     multimodal = True
     states = (State.ANGLE, State.VELOCITY)
@@ -78,7 +78,7 @@ class Compliance(Effect):
         return self.damping < _MOST_DAMPED
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The command filtered by a resonance less the command: effect of a motor torque on the load (spring c s + k).
 
         From motor torque to load angle a two-mass system is a rigid body after the low pass (2 D w s + w^2) / (s^2 + 2
@@ -94,7 +94,7 @@ class Compliance(Effect):
                 behind = motion.by_run(
                     lambda rows, w=frequency, d=damping: _behind(torque[rows], w, d, motion.sample_time)  # type: ignore[misc]
                 )
-                yield Trace(
+                yield Regressors(
                     columns=(behind - torque)[:, None],
                     positive=(True,),
                     start=lambda c, w=frequency, d=damping: cls(  # type: ignore[misc]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Moment, Motion, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +16,7 @@ class CoulombFriction(Effect):
     title = "Coulomb friction"
     stage = Stage.LOAD
     equation = r"\tau_f \in -F_c\,\mathrm{sgn}(\dot x)"
-    trace = "jump in residual torque at zero velocity"
+    signature = "jump in residual torque at zero velocity"
     confused_with = ("stribeck_friction", "asymmetric_friction", "dead_zone", "presliding_hysteresis")
 
     torque: float = parameter("{torque}", "friction torque F_c", lower=0.0)
@@ -26,9 +26,9 @@ class CoulombFriction(Effect):
         return self.torque, self.torque
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The direction of motion."""
-        yield Trace(
+        yield Regressors(
             columns=-motion.sign[:, None],
             positive=(True,),
             start=lambda c: cls(torque=within(c[0], cls, "torque")),

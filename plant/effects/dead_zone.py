@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Motion, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class DeadZone(Effect):
     title = "dead zone"
     stage = Stage.ACTUATOR
     equation = r"h(\tau) = \tau - \mathrm{clip}(\tau, -\gamma, \gamma)"
-    trace = "residual torque against torque, near zero"
+    signature = "residual torque against torque, near zero"
     confused_with = ("coulomb_friction", "backlash")
 
     half_width: float = parameter("{torque}", "half width gamma", lower=0.0)
@@ -33,12 +33,12 @@ class DeadZone(Effect):
         return torque + self.half_width * ca.sign(torque)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The clipped torque, for half widths up to half of the largest torque."""
         largest = float(np.max(np.abs(motion.torque), initial=0.0))
         shares = (0.01, 0.03, 0.1, 0.25, 0.5)
         for width in (share * largest for share in shares):
-            yield Trace(
+            yield Regressors(
                 columns=-np.clip(motion.torque, -width, width)[:, None],
                 positive=(True,),
                 start=lambda c, width=width: cls(half_width=within(width * min(c[0], 2.0), cls, "half_width")),  # type: ignore[misc]

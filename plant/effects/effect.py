@@ -57,7 +57,7 @@ class State(StrEnum):
     """Kind of a state of an effect: it determines the initial value and the treatment by an observer."""
 
     COMMAND = "command"
-    GOAL = "goal"
+    SETPOINT = "setpoint"
     TORQUE = "torque"
     ANGLE = "angle"
     VELOCITY = "velocity"
@@ -65,7 +65,7 @@ class State(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trace:
+class Regressors:
     """Signature of a small effect: regressors for torque or measurement, at one value of its nonlinear parameters.
 
     Attributes:
@@ -93,7 +93,7 @@ class Effect:
     title: ClassVar[str]
     stage: ClassVar[Stage]
     equation: ClassVar[str]
-    trace: ClassVar[str]
+    signature: ClassVar[str]
     confused_with: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
     """Effects that are special cases of this one; it replaces them."""
@@ -161,7 +161,7 @@ class Effect:
         return self.longest_step * sample_time / SAMPLE_TIME
 
     # Methods on the command and in the actuator. A state of type COMMAND is the command before the drive's law, one of
-    # type GOAL the set-point of a position servo; one of type TORQUE comes after the law.
+    # type SETPOINT the set-point of a position servo; one of type TORQUE comes after the law.
 
     def delay(self) -> Expression:
         """Dead time of the command [s]."""
@@ -225,7 +225,7 @@ class Effect:
 
     # Methods in the sensor.
 
-    def reading(self, angle: Expression, state: Expression) -> Expression:
+    def measurement(self, angle: Expression, state: Expression) -> Expression:
         """Output of the sensor for the input `angle` [rad]."""
         return angle
 
@@ -306,19 +306,19 @@ class Effect:
     # Its signatures.
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Signatures of the effect along a motion, one for each candidate value of its nonlinear parameters."""
-        raise NotImplementedError(f"{cls.__name__} defines no traces, by which a diagnosis would find it.")
+        raise NotImplementedError(f"{cls.__name__} defines no regressors, by which a diagnosis would find it.")
 
-    def closer(self, motion: Motion) -> Iterator[Trace]:
-        """Signatures between the values tried by `traces`, for peaks narrower than their spacing."""
+    def closer(self, motion: Motion) -> Iterator[Regressors]:
+        """Signatures between the values tried by `regressors`, for peaks narrower than their spacing."""
         return iter(())
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:
         """The effect at a size that is visible along a motion, at the middle signature; None without a signature."""
-        traces = list(cls.traces(motion))
-        if not traces:
+        regressors = list(cls.regressors(motion))
+        if not regressors:
             return None
-        middle = traces[len(traces) // 2]
+        middle = regressors[len(regressors) // 2]
         return middle.start(motion.visible(middle.columns, middle.acts_on))

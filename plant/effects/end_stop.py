@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import POSITIVE, Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import POSITIVE, Covered, Effect, Expression, Moment, Motion, Regressors, Stage, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class EndStop(Effect):
     stage = Stage.LOAD
     needs_angle = True
     equation = r"\tau_e = -k\,\max(\mathrm{sgn}(k)(x - x_e), 0)"
-    trace = "residual torque on one side of one position"
+    signature = "residual torque on one side of one position"
     confused_with = ("cable_stiffness",)
     longest_step = 1e-3
 
@@ -38,14 +38,14 @@ class EndStop(Effect):
         return bool(np.sqrt(log.inertia / max(abs(self.stiffness), 1e-300)) * log.speed < 0.5 * log.travel)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Depth of the load in a stop, for stops near both ends of the travel; a stiff stop allows little depth."""
         low, high = float(motion.angle.min()), float(motion.angle.max())
         softest = 1e-6 * float(np.sqrt(np.mean(motion.torque**2))) / max(high - low, POSITIVE)
         shares = (0.0001, 0.0003, 0.001, 0.004, 0.02, 0.05, 0.1, 0.2, 0.35)
         for share in shares:
             for side, place in ((1.0, high - share * (high - low)), (-1.0, low + share * (high - low))):
-                yield Trace(
+                yield Regressors(
                     columns=-side * np.maximum(side * (motion.angle - place), 0.0)[:, None],
                     positive=(True,),
                     start=lambda c, side=side, place=place: cls(  # type: ignore[misc]

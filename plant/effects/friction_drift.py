@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.coulomb_friction import CoulombFriction
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Moment, Motion, Regressors, Stage, parameter, within
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
@@ -24,7 +24,7 @@ class FrictionDrift(Effect):
     title = "friction drift"
     stage = Stage.LOAD
     equation = r"K \leftarrow K + \dot K t,\quad F_c \leftarrow F_c + \dot F_c t"
-    trace = "an error that grows along the log"
+    signature = "an error that grows along the log"
     confused_with = ("payload_change",)
     clocked = True
 
@@ -56,9 +56,9 @@ class FrictionDrift(Effect):
         return rest.with_effect(CoulombFriction(torque=dry)) if dry > 0.0 else rest
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Velocity and direction times the time."""
-        yield Trace(
+        yield Regressors(
             columns=-np.column_stack((motion.time * motion.velocity, motion.time * motion.sign)),
             positive=(False, True),
             start=lambda c: cls(viscous_rate=float(c[0]), coulomb_rate=within(c[1], cls, "coulomb_rate")),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Trace, parameter
+from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Regressors, parameter
 from plant.effects.nonparametric_curve import Curve, CurveOverVelocity
 
 if TYPE_CHECKING:
@@ -38,11 +38,11 @@ class FrictionOverVelocity(CurveOverVelocity):
         return self.dry, self.dry
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """One column for each knot, and one against the motion."""
-        for trace in super().traces(motion):
-            columns = np.column_stack((trace.columns, -motion.sign))
-            yield replace(trace, columns=columns, start=partial(_with_dry, trace.start))
+        for regressors in super().regressors(motion):
+            columns = np.column_stack((regressors.columns, -motion.sign))
+            yield replace(regressors, columns=columns, start=partial(_with_dry, regressors.start))
 
 
 def _with_dry(start: Callable[[Array], Effect], coefficients: Array) -> Effect:

@@ -18,7 +18,7 @@ class GivenLoad(Effect):
     title = "given load torque"
     stage = Stage.LOAD
     equation = r"\tau_l = \text{given}"
-    trace = "none: it is known"
+    signature = "none: it is known"
     torque: float = parameter("{torque}", "torque on the load")
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:

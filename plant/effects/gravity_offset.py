@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Effect, Expression, Moment, Motion, Regressors, Stage, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class GravityOffset(Effect):
     stage = Stage.LOAD
     needs_angle = True
     equation = r"\tau_g = -\beta \sin x"
-    trace = "sin x in residual torque"
+    signature = "sin x in residual torque"
     axes = ("rotary",)
     confused_with = ("torque_offset", "cable_stiffness", "encoder_eccentricity")
 
@@ -31,6 +31,6 @@ class GravityOffset(Effect):
         return -self.beta * ca.sin(at.angle)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The sine of the angle."""
-        yield Trace(columns=-np.sin(motion.angle)[:, None], start=lambda c: cls(beta=float(c[0])))
+        yield Regressors(columns=-np.sin(motion.angle)[:, None], start=lambda c: cls(beta=float(c[0])))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from plant.effects.effect import POSITIVE, Expression, Moment, Motion, State, Trace, parameter
+from plant.effects.effect import POSITIVE, Expression, Moment, Motion, Regressors, State, parameter
 from plant.effects.nonparametric_curve import HEIGHTS, KNOTS, Curve
 from plant.effects.presliding_hysteresis import remembered, slid
 
@@ -20,7 +20,7 @@ class Hysteresis(Curve):
     name = "hysteresis"
     title = "hysteresis"
     equation = r"\tau_u = f(z),\; dz/dx = (1 - \mathrm{sgn}(\dot x)\,z)/\ell"
-    trace = "loops at a reversal"
+    signature = "loops at a reversal"
     variables = ("angle", "velocity")
     states = (State.RELAXED,)
     longest_step = 1e-3
@@ -36,11 +36,11 @@ class Hysteresis(Curve):
         return self.course(self.slide(state, at.travel), self.low, self.high, self.values[2 : 2 + KNOTS])
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """One column for each knot, for memory lengths from a part of a sample's travel to a quarter of the range."""
         memories = list(remembered(motion))
         for way, memory in memories:
-            yield Trace(
+            yield Regressors(
                 columns=cls.hats(memory, -1.0, 1.0),
                 prior=cls.prior,
                 start=lambda c, way=way: cls(  # type: ignore[misc]

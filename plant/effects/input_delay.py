@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Array, Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Array, Effect, Expression, Motion, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class InputDelay(Effect):
     title = "input delay"
     stage = Stage.ACTUATOR
     equation = r"\tau(t) \leftarrow \tau(t - T_d)"
-    trace = "phase falls with frequency, amplitude does not"
+    signature = "phase falls with frequency, amplitude does not"
     confused_with = ("actuator_lag", "compliance", "sensor_lag")
 
     time: float = parameter("s", "dead time", lower=0.0, lag=True)
@@ -32,11 +32,11 @@ class InputDelay(Effect):
         return self.time
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The delayed command less the command, for delays from half a sample to a few tens of samples."""
         samples = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
         for delay in (n * motion.sample_time for n in samples):
-            yield Trace(
+            yield Regressors(
                 columns=(motion.arriving(delayed(motion, delay)) - motion.arriving(motion.torque))[:, None],
                 positive=(True,),
                 start=lambda c, delay=delay: cls(time=within(delay * min(c[0], 2.0), cls, "time", floor=0.1 * delay)),  # type: ignore[misc]

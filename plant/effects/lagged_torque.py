@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plant.effects.actuator_lag import ActuatorLag, lagged
-from plant.effects.effect import POSITIVE, Expression, Motion, Stage, State, Trace, parameter
+from plant.effects.effect import POSITIVE, Expression, Motion, Regressors, Stage, State, parameter
 from plant.effects.nonparametric_curve import Nonparametric
 
 
@@ -18,7 +18,7 @@ class LaggedTorque(Nonparametric):
     title = "torque that lags"
     stage = Stage.ACTUATOR
     equation = r"\tau_u = c\,(z - \tau),\; T \dot z = \tau - z"
-    trace = "phase falls at high frequency"
+    signature = "phase falls at high frequency"
     variables = ("lagged torque",)
     states = (State.TORQUE,)
 
@@ -36,11 +36,11 @@ class LaggedTorque(Nonparametric):
         return torque + self.part * (state - torque)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The lagged torque less the torque, for lags from a part of a sample to some tens of samples."""
         samples = (0.3, 1.0, 3.0, 10.0, 30.0)
         for lag in (n * motion.sample_time for n in samples):
-            yield Trace(
+            yield Regressors(
                 columns=(motion.arriving(lagged(motion, lag)) - motion.arriving(motion.torque))[:, None],
                 start=lambda c, lag=lag: cls(time_constant=lag, part=float(c[0])),  # type: ignore[misc]
                 searched=len(samples),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class LoadDependentFriction(Effect):
     title = "load-dependent friction"
     stage = Stage.DRIVETRAIN
     equation = r"\tau_f \in -\mu\,|\tau_l|\,\mathrm{sgn}(\dot x)"
-    trace = "friction differs between loaded and unloaded motion"
+    signature = "friction differs between loaded and unloaded motion"
     confused_with = ("coulomb_friction", "stribeck_friction", "dead_zone", "torque_saturation")
 
     coefficient: float = parameter("-", "friction per torque mu", lower=0.0, upper=1.0)
@@ -34,9 +34,9 @@ class LoadDependentFriction(Effect):
         return self.coefficient <= 0.5
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The magnitude of the torque, against the motion."""
-        yield Trace(
+        yield Regressors(
             columns=-(np.abs(motion.arriving(motion.torque)) * motion.sign)[:, None],
             positive=(True,),
             start=lambda c: cls(coefficient=within(c[0], cls, "coefficient")),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
-Place: TypeAlias = Literal["torque", "reading"]
+Place: TypeAlias = Literal["torque", "measurement"]
 """Where an effect adds: to the torque on the load, or to the measurement."""
 TURN = 2.0 * np.pi
 
@@ -86,7 +86,7 @@ class Motion:
 
     def scores(self, acts_on: Place) -> tuple[Array, Array]:
         """The scores (T, S) of an effect on the torque or the measurement, and those (T, M) of white noise."""
-        place = ("torque", "reading").index(acts_on)
+        place = ("torque", "measurement").index(acts_on)
         score = (self.score, self.reading_score)[place]
         return score, self.chance()[place] if self.chance is not None else np.empty((len(score), 0))
 

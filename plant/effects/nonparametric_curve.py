@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
+from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Regressors, Stage, parameter
 from plant.effects.interpolation import interpolated, slopes_and_curvatures
 from plant.recursion_cache import recursion
 
@@ -71,7 +71,7 @@ class Curve(Nonparametric):
 
     stage = Stage.LOAD
     equation = r"\tau_u = f(\cdot)"
-    trace = "a smooth dependence of the residual torque"
+    signature = "a smooth dependence of the residual torque"
     over: ClassVar[str]
     prior: ClassVar[Array] = smooth(KNOTS)
 
@@ -119,11 +119,11 @@ class Curve(Nonparametric):
         return self.height(at)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """One column for each knot."""
         low, high = cls.reach(motion)
         if high > low:
-            yield Trace(
+            yield Regressors(
                 columns=cls.hats(cls.along(motion), low, high) * cls.factor(motion)[:, None],
                 prior=cls.prior,
                 start=lambda c: cls(low=low, high=high, **dict(zip(HEIGHTS, map(float, c), strict=True))),

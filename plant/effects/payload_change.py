@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Regressors, Stage, parameter
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
@@ -36,7 +36,7 @@ class PayloadChange(Effect):
     stage = Stage.LOAD
     needs_angle = True
     equation = r"J \leftarrow J + \Delta J,\; \alpha \leftarrow \alpha + \Delta\alpha \quad (t > t^*)"
-    trace = "an error that begins at a time"
+    signature = "an error that begins at a time"
     confused_with = ("friction_drift",)
     multimodal = True
     clocked = True
@@ -71,12 +71,12 @@ class PayloadChange(Effect):
         return rest.with_payload(inertia=self.inertia, gravity=self.gravity)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Acceleration and gravity after each of many instants."""
         for instant in np.quantile(motion.time, np.linspace(0.03, 0.97, _TIMES)):
             after = motion.time >= instant
             columns = -np.column_stack((motion.acceleration * after, np.cos(motion.angle) * after))
-            yield Trace(
+            yield Regressors(
                 columns=columns,
                 start=lambda c, t=instant: cls(  # type: ignore[misc]
                     time=float(t), inertia=max(float(c[0]), -0.7 * motion.inertia), gravity=float(c[1])

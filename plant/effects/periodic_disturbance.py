@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Regressors, Stage, parameter
 from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_over_time, waves
 
 
@@ -23,7 +23,7 @@ class PeriodicDisturbance(Effect):
     title = "periodic disturbance"
     stage = Stage.LOAD
     equation = r"\tau_p = A \sin(2\pi f t + \varphi)"
-    trace = "a line in time, not in angle"
+    signature = "a line in time, not in angle"
     confused_with = ("cogging",)
     multimodal = True
     periodic = True
@@ -42,18 +42,18 @@ class PeriodicDisturbance(Effect):
         return self.frequency * log.duration >= 2.0
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Sine and cosine at the frequencies that would improve the fit most, unless the motion repeats with them."""
         rates, searched = lines_over_time(motion)
         return (cls._at(rate, motion, searched) for rate in rates)
 
-    def closer(self, motion: Motion) -> Iterator[Trace]:
+    def closer(self, motion: Motion) -> Iterator[Regressors]:
         """Sine and cosine at neighbouring frequencies."""
         return (self._at(rate, motion) for rate in closer(motion.time, 2.0 * np.pi * self.frequency))
 
     @classmethod
-    def _at(cls, rate: float, motion: Motion, searched: int = 1) -> Trace:
-        return Trace(
+    def _at(cls, rate: float, motion: Motion, searched: int = 1) -> Regressors:
+        return Regressors(
             columns=waves(motion.time + 0.5 * motion.sample_time, rate),  # the middle of the sample over which it acts
             start=lambda c: cls(amplitude=as_wave(c)[0], frequency=rate / (2.0 * np.pi), phase=as_wave(c)[1]),
             searched=searched,

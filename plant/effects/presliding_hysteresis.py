@@ -17,9 +17,9 @@ from plant.effects.effect import (
     Expression,
     Moment,
     Motion,
+    Regressors,
     Stage,
     State,
-    Trace,
     parameter,
     within,
 )
@@ -39,7 +39,7 @@ class PreslidingHysteresis(Effect):
     title = "presliding hysteresis"
     stage = Stage.LOAD
     equation = r"dF/dx = \sigma\,(1 - \mathrm{sgn}(\dot x)\,F/F_c),\quad \tau_f = -F"
-    trace = "loops at a reversal, spring-like at small motion"
+    signature = "loops at a reversal, spring-like at small motion"
     confused_with = ("coulomb_friction", "stribeck_friction", "backlash")
     contains = ("coulomb_friction",)
     states = (State.RELAXED,)
@@ -71,12 +71,12 @@ class PreslidingHysteresis(Effect):
         return not 1e-4 * second * speed <= self.torque / self.stiffness <= second * speed
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The loop, for sliding travels from a part of a sample's travel to a quarter of the range."""
         loops = list(remembered(motion))
         least = 1e-6 * float(np.sqrt(np.mean(motion.torque**2)))
         for travel, loop in loops:
-            yield Trace(
+            yield Regressors(
                 columns=-loop[:, None],
                 positive=(True,),
                 start=lambda c, travel=travel: cls(  # type: ignore[misc]

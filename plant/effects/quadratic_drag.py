@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Moment, Motion, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class QuadraticDrag(Effect):
     title = "quadratic drag"
     stage = Stage.LOAD
     equation = r"\tau_d = -c\,\dot x\,|\dot x|"
-    trace = "curved residual torque over velocity"
+    signature = "curved residual torque over velocity"
     confused_with = ("stribeck_friction", "coulomb_friction")
 
     drag: float = parameter("{torque} s^2/{angle}^2", "drag coefficient c", lower=0.0)
@@ -29,9 +29,9 @@ class QuadraticDrag(Effect):
         return -self.drag * at.velocity * ca.fabs(at.velocity)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The signed square of the velocity."""
-        yield Trace(
+        yield Regressors(
             columns=-(motion.velocity * np.abs(motion.velocity))[:, None],
             positive=(True,),
             start=lambda c: cls(drag=within(c[0], cls, "drag")),

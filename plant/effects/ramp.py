@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Array, Effect, Expression, Motion, Trace
+from plant.effects.effect import Array, Effect, Expression, Motion, Regressors
 from plant.recursion_cache import recursion
 
 _SLOWER = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # ratios of the fastest change of the input to candidate rates
@@ -37,7 +37,7 @@ class Ramp(Effect):
         return state + (self.advance(state, torque, h) - state) * (1 - share / 2)
 
     @classmethod
-    def ramps(cls, motion: Motion, wanted: Array, command: Callable[[Array], Array]) -> Iterator[Trace]:
+    def ramps(cls, motion: Motion, wanted: Array, command: Callable[[Array], Array]) -> Iterator[Regressors]:
         """Signatures for rates of 1/2 to 1/150 of the fastest change of the input: torque with the ramp less without.
 
         A limit above the fastest change has no effect. A step is a change within one sample.
@@ -55,7 +55,7 @@ class Ramp(Effect):
         followed = motion.by_run(lambda rows: _followed(wanted[rows], rates * motion.sample_time))
         for place, rate in enumerate(rates):
             arriving = motion.arriving(motion.law(command(followed[:, place])))
-            yield Trace(
+            yield Regressors(
                 columns=(arriving - motion.arriving(motion.torque))[:, None],
                 positive=(True,),
                 start=lambda c, rate=rate: cls(rate=float(rate)),  # type: ignore[misc]

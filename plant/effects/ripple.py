@@ -12,7 +12,7 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Array, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Array, Expression, Moment, Motion, Regressors, Stage, parameter
 from plant.effects.nonparametric_curve import Nonparametric
 from plant.effects.spectral_lines import lines_over_angle, lines_over_time, waves
 
@@ -25,7 +25,7 @@ class Ripple(Nonparametric):
     """Four harmonics of a fundamental, whose rate is fitted too; their unit is that of the torque or angle."""
 
     equation = r"f = \sum_{k=1}^{4} a_k \sin(k n s) + b_k \cos(k n s)"
-    trace = "order lines and their harmonics"
+    signature = "order lines and their harmonics"
     multimodal = True
     periodic = True
 
@@ -56,16 +56,16 @@ class Ripple(Nonparametric):
         return lines_over_angle(motion)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """Sines and cosines at the harmonics of the strongest lines."""
         place = cls.along(motion)
         rates, searched = cls.lines(motion)
         for rate in rates:
-            yield Trace(
+            yield Regressors(
                 columns=np.hstack([waves(place, k * rate) for k in range(1, HARMONICS + 1)]),
                 prior=_PRIOR,
                 start=lambda c, rate=rate: cls(rate=rate, **dict(zip(_names(cls), map(float, c), strict=True))),  # type: ignore[misc]
-                acts_on="reading" if cls.stage == Stage.SENSOR else "torque",
+                acts_on="measurement" if cls.stage == Stage.SENSOR else "torque",
                 searched=searched,
             )
 
@@ -123,14 +123,14 @@ class RippleOfReading(Ripple):
     size = "{angle}"
     variables = ("angle",)
 
-    def reading(self, angle: Expression, state: Expression) -> Expression:
+    def measurement(self, angle: Expression, state: Expression) -> Expression:
         """The angle plus its error."""
         return angle + self.height(angle)
 
     @classmethod
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
         """One period per turn, and the rates at which a measurement error would improve the fit most."""
-        found, searched = lines_over_angle(motion, "reading")
+        found, searched = lines_over_angle(motion, "measurement")
         return [*([1.0] if motion.turn and np.ptp(motion.angle) > 1.0 else []), *found], searched
 
 

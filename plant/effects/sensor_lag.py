@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from plant.effects.effect import POSITIVE, Effect, Expression, Motion, Stage, State, Trace, parameter, within
+from plant.effects.effect import POSITIVE, Effect, Expression, Motion, Regressors, Stage, State, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class SensorLag(Effect):
     stage = Stage.SENSOR
     needs_angle = True
     equation = r"T_s \dot y = x - y"
-    trace = "the measurement lags by a fixed time, whatever the torque"
+    signature = "the measurement lags by a fixed time, whatever the torque"
     confused_with = ("input_delay", "actuator_lag")
     states = (State.ANGLE,)
 
@@ -35,16 +35,16 @@ class SensorLag(Effect):
         kept = (state - before) * ca.exp(-h / self.time_constant)
         return after + kept - speed * trail - 2 * curvature * (1 - trail) / gone
 
-    def reading(self, angle: Expression, state: Expression) -> Expression:
+    def measurement(self, angle: Expression, state: Expression) -> Expression:
         """The filtered angle."""
         return state
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The velocity of the load."""
-        yield Trace(
+        yield Regressors(
             columns=-motion.velocity[:, None],
             positive=(True,),
             start=lambda c: cls(time_constant=within(c[0], cls, "time_constant", floor=0.1 * motion.sample_time)),
-            acts_on="reading",
+            acts_on="measurement",
         )

@@ -24,7 +24,7 @@ class _Law(Protocol):
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression: ...
     def load_torque(self, at: Moment, state: Expression) -> Expression: ...
     def dry_friction(self, at: Moment) -> tuple[Expression, Expression] | None: ...
-    def reading(self, angle: Expression, state: Expression) -> Expression: ...
+    def measurement(self, angle: Expression, state: Expression) -> Expression: ...
 
 
 @one_at_a_time
@@ -39,7 +39,7 @@ def characteristic(law: _Law) -> tuple[str, Any]:
     dry = ca.fmax(ca.sign(v), 0) * forward + ca.fmin(ca.sign(v), 0) * backward
     curves: list[tuple[Any, Any]] = [
         (x, load),
-        (x, ca.SX(law.reading(x, 0.0)) - x),
+        (x, ca.SX(law.measurement(x, 0.0)) - x),
         (v, dry - load),
         (v, ca.simplify(torque - leaving)),
         (torque, leaving),

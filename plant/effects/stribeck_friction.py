@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.coulomb_friction import CoulombFriction
-from plant.effects.effect import POSITIVE, Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import POSITIVE, Effect, Expression, Moment, Motion, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class StribeckFriction(Effect):
     title = "Stribeck friction"
     stage = Stage.LOAD
     equation = r"\tau_f \in -\left(F_c + \Delta F\,e^{-(\dot x/v_s)^2}\right)\mathrm{sgn}(\dot x)"
-    trace = "jump and hump in the residual torque near zero velocity"
+    signature = "jump and hump in the residual torque near zero velocity"
     confused_with = ("coulomb_friction", "presliding_hysteresis", "quadratic_drag")
     contains = ("coulomb_friction",)
 
@@ -45,13 +45,13 @@ class StribeckFriction(Effect):
         return bool(self.velocity < 2e-3 * speed)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The direction, and the direction weighted by the Stribeck curve, for velocities over the range of the log."""
         fastest = float(np.quantile(np.abs(motion.velocity), 0.99))
         shares = (0.01, 0.03, 0.1, 0.2, 0.4)
         for scale in (share * fastest for share in shares if share * fastest > POSITIVE):
             hump = motion.sign * np.exp(-((motion.velocity / scale) ** 2))
-            yield Trace(
+            yield Regressors(
                 columns=-np.column_stack((motion.sign, hump)),
                 positive=(True, True),
                 start=lambda c, scale=scale: cls(  # type: ignore[misc]

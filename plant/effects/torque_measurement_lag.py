@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Motion, Regressors, Stage, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,9 +23,9 @@ class TorqueMeasurementLag(Effect):
     title = "lag of the measured torque"
     stage = Stage.ACTUATOR
     equation = r"\tau \leftarrow \tau + T_m \dot \tau"
-    trace = "the load moves before the torque of the log says so"
+    signature = "the load moves before the torque of the log says so"
     clocked = True
-    measured = ("input_delay", "goal_rate_limit", "rate_limit", "actuator_lag", "torque_saturation", "back_emf")
+    measured = ("input_delay", "setpoint_rate_limit", "rate_limit", "actuator_lag", "torque_saturation", "back_emf")
 
     time_constant: float = parameter("s", "time constant", lower=0.0, lag=True)
 
@@ -34,14 +34,14 @@ class TorqueMeasurementLag(Effect):
         return self.time_constant
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The slope of the torque; none for a position servo, as its torque is not measured."""
         if np.any(motion.servo_gain > 0.0):
             return
         dt = motion.sample_time
         arriving = motion.arriving(motion.torque)
         rise = motion.by_run(lambda rows: np.diff(arriving[rows], append=arriving[rows][-1:])) / dt
-        yield Trace(
+        yield Regressors(
             columns=rise[:, None],
             positive=(True,),
             start=lambda c: cls(time_constant=within(c[0] - 0.5 * dt, cls, "time_constant", floor=0.1 * dt)),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+from plant.effects.effect import Effect, Expression, Motion, Regressors, Stage, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +18,7 @@ class TorqueOffset(Effect):
     title = "torque offset"
     stage = Stage.ACTUATOR
     equation = r"\tau \leftarrow \tau + \tau_0"
-    trace = "residual torque: constant"
+    signature = "residual torque: constant"
     confused_with = ("gravity_offset", "asymmetric_friction", "cable_stiffness")
 
     torque: float = parameter("{torque}", "constant bias")
@@ -37,6 +37,6 @@ class TorqueOffset(Effect):
         return torque - self.torque
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """A constant."""
-        yield Trace(columns=np.ones((motion.time.size, 1)), start=lambda c: cls(torque=float(c[0])))
+        yield Regressors(columns=np.ones((motion.time.size, 1)), start=lambda c: cls(torque=float(c[0])))

@@ -7,38 +7,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import POSITIVE, Array, Motion, Stage, State, Trace, parameter
+from plant.effects.effect import POSITIVE, Array, Motion, Regressors, Stage, State, parameter
 from plant.effects.ramp import Ramp
 
 
 @dataclass(frozen=True, kw_only=True)
-class GoalRateLimit(Ramp):
+class SetpointRateLimit(Ramp):
     """Speed limit in the firmware of a position servo, before its law; the state is the internal set-point.
 
     A limit in angle per second is the same at every servo gain; a limit of the command is not. If the log gives the
     torque (servo gain zero) there is no set-point, and the command passes unchanged.
     """
 
-    name = "goal_rate_limit"
+    name = "setpoint_rate_limit"
     title = "set-point rate limit"
     stage = Stage.ACTUATOR
     equation = r"|\dot g| \le r,\quad \tau = k_p\,(g - x)"
-    trace = "residual torque after fast changes of the set-point, equally long at every servo gain"
+    signature = "residual torque after fast changes of the set-point, equally long at every servo gain"
     confused_with = ("input_delay", "actuator_lag", "rate_limit", "torque_saturation")
-    states = (State.GOAL,)
+    states = (State.SETPOINT,)
 
     rate: float = parameter("{angle}/s", "largest speed r of the internal set-point", lower=POSITIVE)
 
     @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
+    def regressors(cls, motion: Motion) -> Iterator[Regressors]:
         """The limited set-point through the drive's law less the set-point; none without a set-point."""
         gain, command = motion.servo_gain, motion.command
         if np.any(gain > 0.0):
-            goal = motion.by_run(lambda rows: goals(command[rows], gain[rows]))
-            yield from cls.ramps(motion, goal, lambda limited: np.where(gain > 0.0, gain * limited, command))
+            setpoint = motion.by_run(lambda rows: setpoints(command[rows], gain[rows]))
+            yield from cls.ramps(motion, setpoint, lambda limited: np.where(gain > 0.0, gain * limited, command))
 
 
-def goals(command: Array, servo_gain: Array) -> Array:
+def setpoints(command: Array, servo_gain: Array) -> Array:
     """(T,) set-points [rad] of the commands (T,) of one run.
 
     Where the servo gain (T,) is zero it is the last set-point before, at the start the first one to come; zero if there
@@ -51,7 +51,7 @@ def goals(command: Array, servo_gain: Array) -> Array:
     return np.asarray((command[given] / servo_gain[given])[latest])
 
 
-def first_goal(command: Array, servo_gain: Array) -> float:
-    """The first of the set-points of `goals` [rad]."""
+def first_setpoint(command: Array, servo_gain: Array) -> float:
+    """The first of the set-points of `setpoints` [rad]."""
     first = int(np.argmax(servo_gain > 0.0))
     return float(command[first] / servo_gain[first]) if servo_gain[first] > 0.0 else 0.0

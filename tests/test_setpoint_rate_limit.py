@@ -16,14 +16,14 @@ from identification.log import Log, Run
 from identification.simulation import free_simulation
 from mpc import Controller
 from plant import GearTrain, ServoModel, simulate
-from plant.effects import DeadZone, GoalRateLimit, InputDelay, Motion, RateLimit
-from plant.effects.goal_rate_limit import goals
+from plant.effects import DeadZone, InputDelay, Motion, RateLimit, SetpointRateLimit
+from plant.effects.setpoint_rate_limit import setpoints
 from plant.simulation import beginning
 
 SAMPLE, RATE, GAINS, LIMIT = 0.005, 2.5, np.array([40.0, 120.0]), 30.0
 TRUTH = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=12.0, effects=(DeadZone(half_width=0.5),))
-GEARS = GearTrain(pinion_teeth=(20, 20), follower_teeth=160)
-LIMITED = TRUTH.with_effect(GoalRateLimit(rate=RATE))
+GEARS = GearTrain(pinion_teeth=(20, 20), output_teeth=160)
+LIMITED = TRUTH.with_effect(SetpointRateLimit(rate=RATE))
 
 
 def servo(**effects: dict[str, float]) -> Machine:
@@ -33,7 +33,7 @@ def servo(**effects: dict[str, float]) -> Machine:
 
 
 def steps_of(seed: int, duration: float) -> Array:
-    """(T, 2) goals that jump, others for each gain [rad]."""
+    """(T, 2) setpoints that jump, others for each gain [rad]."""
     rng = np.random.default_rng([seed, 7])
     return np.column_stack([random_steps(rng, 0.2, 1.0, duration, SAMPLE) for _ in GAINS])
 
@@ -63,27 +63,27 @@ def held_out_error(model: ServoModel, log: Log) -> float:
 @pytest.mark.parametrize("delay", [0.0, 0.0123])
 def test_position_servo_matches_the_independent_machine(delay: float) -> None:
     """Also where a delay brings the goal late, by whole samples and a part of one."""
-    effects = {"goal_rate_limit": {"rate": RATE}} | ({"input_delay": {"time": delay}} if delay else {})
+    effects = {"setpoint_rate_limit": {"rate": RATE}} | ({"input_delay": {"time": delay}} if delay else {})
     log = log_of(servo(**effects), 3, duration=8.0, noise=0.0, bits=None)
     model = LIMITED.with_effect(InputDelay(time=delay)) if delay else LIMITED
     for run, gain in zip(log.runs, GAINS, strict=True):
         drive = {"servo_gain": gain, "command_limit": LIMIT}
         path = simulate(model, command=run.command, dt=SAMPLE, state=begins(model, run), **drive)
         assert np.abs(path[:-1, 0] - run.output).max() < 1e-4
-        free = simulate(model.without_effect("goal_rate_limit"), command=run.command, dt=SAMPLE, **drive)
+        free = simulate(model.without_effect("setpoint_rate_limit"), command=run.command, dt=SAMPLE, **drive)
         assert np.abs(free[:-1, 0] - run.output).max() > 0.05
 
 
 def begins(model: ServoModel, run: Run) -> Array:
-    return beginning(model, goal=float(goals(run.command, run.servo_gain)[0]))
+    return beginning(model, setpoint=float(setpoints(run.command, run.servo_gain)[0]))
 
 
 def test_the_limit_is_named_with_its_rate_and_its_gain_is_had() -> None:
-    machine = servo(goal_rate_limit={"rate": RATE})
+    machine = servo(setpoint_rate_limit={"rate": RATE})
     log, held_out = log_of(machine, 1), log_of(machine, 2)
     found = diagnose(log, None, held_out)
     assert found.verdict == "named"
-    assert [cause.effect for cause in found.causes] == ["goal_rate_limit"]
+    assert [cause.effect for cause in found.causes] == ["setpoint_rate_limit"]
     assert found.causes[0].parameters["rate"].value == pytest.approx(RATE, rel=0.05)
     assert found.causes[0].parameters["rate"].unit == "rad/s"
     mine, best = (held_out_error(m, held_out) for m in (found.model, fit(log, LIMITED).model))
@@ -98,10 +98,10 @@ def test_a_servo_that_follows_its_goal_at_once_names_nothing() -> None:
 
 @pytest.mark.long
 def test_a_set_point_rate_limit_holds_at_several_gains() -> None:
-    log = log_of(servo(goal_rate_limit={"rate": RATE}), 1)
-    limits = (GoalRateLimit(rate=4.0), RateLimit(rate=60.0 * RATE))
+    log = log_of(servo(setpoint_rate_limit={"rate": RATE}), 1)
+    limits = (SetpointRateLimit(rate=4.0), RateLimit(rate=60.0 * RATE))
     goal, command = (fit(log, TRUTH.with_effect(effect)) for effect in limits)
-    assert goal.model.effect("goal_rate_limit").rate == pytest.approx(RATE, rel=0.01)
+    assert goal.model.effect("setpoint_rate_limit").rate == pytest.approx(RATE, rel=0.01)
     assert goal.log_likelihood > command.log_likelihood + 500.0
 
 
@@ -120,20 +120,20 @@ def test_while_the_drive_is_off_the_internal_goal_waits() -> None:
     gain = np.where((np.arange(400) >= 100) & (np.arange(400) < 200), 0.0, 60.0)
     command = gain * np.where(np.arange(400) < 50, 0.1, 0.9)
     path = simulate(LIMITED, command=command, dt=SAMPLE, servo_gain=gain)
-    internal = path[:, LIMITED.states.index("goal_rate_limit")]
+    internal = path[:, LIMITED.states.index("setpoint_rate_limit")]
     elapsed = np.clip(np.arange(401) - 50, 0, 50) + np.maximum(np.arange(401) - 200, 0)
     assert internal == pytest.approx(np.minimum(0.1 + RATE * SAMPLE * elapsed, 0.9), abs=1e-9)
 
 
-def test_the_first_goal_is_found_behind_a_drive_that_starts_late() -> None:
+def test_the_first_setpoint_is_found_behind_a_drive_that_starts_late() -> None:
     gain = np.array([0.0, 0.0, 2.0, 2.0, 0.0, 2.0])
-    assert goals(np.array([9.0, 9.0, 1.0, 3.0, 9.0, 5.0]), gain).tolist() == [0.5, 0.5, 0.5, 1.5, 1.5, 2.5]
-    assert goals(np.ones(3), np.zeros(3)).tolist() == [0.0, 0.0, 0.0]
+    assert setpoints(np.array([9.0, 9.0, 1.0, 3.0, 9.0, 5.0]), gain).tolist() == [0.5, 0.5, 0.5, 1.5, 1.5, 2.5]
+    assert setpoints(np.ones(3), np.zeros(3)).tolist() == [0.0, 0.0, 0.0]
 
 
 def test_the_missing_torque_sees_the_limited_goal() -> None:
     """Behind the law and the limit, what the motion needs is what arrives."""
-    log = log_of(servo(goal_rate_limit={"rate": RATE}), 4, noise=0.0, bits=None)
+    log = log_of(servo(setpoint_rate_limit={"rate": RATE}), 4, noise=0.0, bits=None)
     for run in log.runs:
         lacking = []
         for model in (LIMITED, TRUTH):
@@ -170,25 +170,25 @@ def motion_of(servo_gain: float, goal: Array | None = None) -> Motion:
 
 def test_the_trace_is_what_the_law_makes_of_the_limited_goal() -> None:
     """The drive gives its limit from a goal of 0.5 on, so none is missing behind that, nor in a run without jumps."""
-    for trace in GoalRateLimit.traces(motion_of(60.0)):
-        rate = trace.start(np.ones(1)).values[0]
+    for regressors in SetpointRateLimit.regressors(motion_of(60.0)):
+        rate = regressors.start(np.ones(1)).values[0]
         edges = np.clip(0.2 + rate * SAMPLE * (np.arange(301) - 50), 0.2, 0.5)
         expected = np.where(np.arange(300) < 150, 60.0 * (edges[:-1] + edges[1:]) / 2, 0.0)
         expected[:150] -= np.where(np.arange(150) < 50, 12.0, 30.0)
         reaches = 50 + int(0.3 / (rate * SAMPLE))  # a sample within which the limit is reached is known by its mean
         same = np.delete(np.arange(300), reaches)
-        assert trace.columns[same, 0] == pytest.approx(expected[same], abs=1e-9)
+        assert regressors.columns[same, 0] == pytest.approx(expected[same], abs=1e-9)
 
 
 def test_either_limit_is_drawn_where_it_acts() -> None:
     """A torque has no goal, and of a position servo it is the goal that is limited."""
-    for kind, drawn in ((RateLimit, [6, 0]), (GoalRateLimit, [0, 6])):
-        assert [len(list(kind.traces(motion_of(gain)))) for gain in (0.0, 60.0)] == drawn
+    for kind, drawn in ((RateLimit, [6, 0]), (SetpointRateLimit, [0, 6])):
+        assert [len(list(kind.regressors(motion_of(gain)))) for gain in (0.0, 60.0)] == drawn
 
 
 def test_of_a_slow_set_point_the_limits_tried_are_slower() -> None:
     """It takes 800 samples from end to end; limits that cross that in 150 samples would all be out of its reach."""
     slow = np.tile(0.1 * np.sin(np.linspace(0.0, 2.0 * np.pi, 1600)), 2)
-    for trace in GoalRateLimit.traces(motion_of(60.0, slow)):
-        assert trace.start(np.ones(1)).values[0] < np.abs(np.diff(slow)).max() / SAMPLE
-        assert np.abs(trace.columns).max() > 0.1
+    for regressors in SetpointRateLimit.regressors(motion_of(60.0, slow)):
+        assert regressors.start(np.ones(1)).values[0] < np.abs(np.diff(slow)).max() / SAMPLE
+        assert np.abs(regressors.columns).max() > 0.1
