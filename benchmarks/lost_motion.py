@@ -21,7 +21,7 @@ from plant.rig import Rig
 
 ARCMIN = np.pi / 180 / 60
 SLOW = 1e-4  # [rad/s]
-# backlash [arcmin], bits at the load, bits at the motors, noise [rad], creep [rad/s], visits of 2 s
+# backlash [arcmin], bits at the load, bits at the motors, noise [rad], speed of the load [rad/s], visits of 2 s
 ROWS = (
     (0.1, 17, 17, 1e-6, SLOW, 20),
     (0.1, 17, 17, 5e-6, SLOW, 20),
@@ -72,20 +72,20 @@ def row_of(answers: list[LostMotion | None], gap: float) -> str:
 
 def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 40
-    head = f"{'gap':>6}{'bits':>7}{'motors':>8}{'noise':>8}{'creep':>8}{'time':>6}"
+    head = f"{'gap':>6}{'bits':>7}{'motors':>8}{'noise':>8}{'speed':>8}{'time':>6}"
     text = [
         f"{count} machines a row, preload 0.6 to 8 N m and back in 2 s, 1 kHz; 95 % intervals",
         f"{head}{'told':>7}{'std':>9}{'rms':>9}{'within':>10}{'covered':>10}{'rms of':>8}",
         f"{'[arcmin]':>8}{'':13}{'[urad]':>8}{'[urad/s]':>8}{'   [s]':13}{'[%]':>9}{'[%]':>9}{'5 %':>10}{'score':>18}",
     ]
-    for gap, bits, motor_bits, noise, creep, visits in ROWS:
+    for gap, bits, motor_bits, noise, load_speed, visits in ROWS:
         sweep = Sweep(
             least=0.6, greatest=8.0, visit=2.0, visits=visits, sample_time=1e-3, stiffness=2000.0, damping=90.0
         )
         machines = fleet(count, gap, bits, motor_bits, noise)
-        logs = logs_of(machines, sweep, creep=creep, seed=11)
+        logs = logs_of(machines, sweep, load_speed=load_speed, seed=11)
         found = [measured(log, rig.gears) for log, rig in zip(logs, machines.rigs, strict=True)]
-        row = f"{gap:6g}{bits:7d}{motor_bits:8d}{1e6 * noise:8g}{1e6 * creep:8g}{2 * visits:6d}"
+        row = f"{gap:6g}{bits:7d}{motor_bits:8d}{1e6 * noise:8g}{1e6 * load_speed:8g}{2 * visits:6d}"
         text.append(row + row_of(found, gap * ARCMIN))
         print(text[-1], flush=True)
     Path(__file__).with_name("results").joinpath("lost_motion.txt").write_text("\n".join(text) + "\n")

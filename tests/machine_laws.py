@@ -214,8 +214,8 @@ class Machine:
     def corners(self) -> list[Array]:
         """Torques [N m] at which saturation and dead zone bend."""
         saturated = self.effects.get("torque_saturation", {}).get("limit")
-        swallowed = None if "back_emf" in self.effects else self.effects.get("dead_zone", {}).get("half_width")
-        kinks = [np.asarray(kink, dtype=float) for kink in (saturated, swallowed) if kink is not None]
+        half_width = None if "back_emf" in self.effects else self.effects.get("dead_zone", {}).get("half_width")
+        kinks = [np.asarray(kink, dtype=float) for kink in (saturated, half_width) if kink is not None]
         return [side * kink for kink in kinks for side in (-1.0, 1.0)]
 
     def delivered(self, torque: Array, x: Array, v: Array) -> Array:

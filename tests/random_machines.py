@@ -43,13 +43,13 @@ class Bench:
         inertia = 2.0  # with time and torque stretched, of no account
         friction = inertia / np.exp(rng.uniform(np.log(0.4), np.log(6.0)))
         swing = rng.choice([0.0, 1.0], p=[0.3, 0.7]) * np.exp(rng.uniform(np.log(0.3), np.log(3.0)))
-        swallowed = rng.choice([0.0, 1.0]) * rng.uniform(0.1, 1.0)
+        half_width = rng.choice([0.0, 1.0]) * rng.uniform(0.1, 1.0)
         return Bench(
             host=Machine(
                 inertia=inertia,
                 gravity=inertia * swing**2,
                 viscous_friction=friction,
-                effects={"dead_zone": {"half_width": swallowed}} if swallowed else {},
+                effects={"dead_zone": {"half_width": half_width}} if half_width else {},
             ),
             commands=str(rng.choice(COMMANDS)),
             strength=float(np.exp(rng.uniform(np.log(0.5), np.log(2.0)))),

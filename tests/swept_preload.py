@@ -28,15 +28,15 @@ class Teeth:
     noise: float = 5e-6
 
 
-def swept(teeth: Teeth, seed: int, *, visits: int = 8, length: int = 500, creep: float = 2e-7) -> Log:
-    """A log of visits of both flanks; the load creeps some [rad] a sample from a random place in its count."""
+def swept(teeth: Teeth, seed: int, *, visits: int = 8, length: int = 500, load_speed: float = 2e-7) -> Log:
+    """A log of visits of both flanks; the load moves some [rad] a sample from a random place in its count."""
     rng = np.random.default_rng(seed)
     part = (np.arange(length) + 1.0) / length
     size = np.tile(0.5 + 7.5 * (1.0 - np.abs(2.0 * part - 1.0)), visits)
     commanded = np.repeat(np.where(np.arange(visits) % 2, -1.0, 1.0), length) * size
     acts = 0.5 * (commanded + np.concatenate((commanded[:1], commanded[:-1])))
     grows = np.tile(np.where(part <= 0.5 + 0.5 / length, 1.0, -1.0), visits)
-    load = rng.uniform(0.0, 1.0) * 1e-3 + creep * np.arange(commanded.size)
+    load = rng.uniform(0.0, 1.0) * 1e-3 + load_speed * np.arange(commanded.size)
     count, turn = 2 * np.pi / 2**teeth.bits, 2 * np.pi / 2**teeth.motor_bits
     rotors = []
     for drive, sense in enumerate((-1.0, 1.0)):

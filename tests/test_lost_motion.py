@@ -64,20 +64,22 @@ def test_every_number_of_either_drive_is_found() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bits", "motor_bits", "noise", "creep"),
+    ("bits", "motor_bits", "noise", "load_speed"),
     [(17, 17, 1e-6, 4e-7), (17, 17, 5e-6, 2e-7), (17, 17, 2e-5, 0.0), (23, 23, 5e-6, 0.0), (17, 12, 2e-6, 2e-7)],
     ids=["rounding", "both", "standing", "noise", "coarse motors"],
 )
-def test_the_standard_error_is_that_of_repeated_logs(bits: int, motor_bits: int, noise: float, creep: float) -> None:
+def test_the_standard_error_is_that_of_repeated_logs(
+    bits: int, motor_bits: int, noise: float, load_speed: float
+) -> None:
     teeth = Teeth(gaps=(0.1 * ARCMIN, 0.1 * ARCMIN), bits=bits, motor_bits=motor_bits, noise=noise)
-    tries = [found(teeth, seed, creep=creep) for seed in range(60)]
+    tries = [found(teeth, seed, load_speed=load_speed) for seed in range(60)]
     gaps = [each.drives[0].gap for each in tries]
     scores = np.array([(each.value - teeth.gaps[0]) / each.std for each in gaps])
     assert 0.7 < np.sqrt(np.mean(scores**2)) < 1.3  # 60 draws: 0.82 to 1.18 at 95 %
     assert np.mean(np.abs(scores) < 1.96) > 0.88
     assert abs(np.mean(scores)) < 0.45
     totals = np.array([(each.total_gap.value - sum(teeth.gaps)) / each.total_gap.std for each in tries])
-    assert 0.1 < np.sqrt(np.mean(totals**2)) < 1.3  # where the load creeps, visits repeat less than is allowed for
+    assert 0.1 < np.sqrt(np.mean(totals**2)) < 1.3  # where the load moves, visits repeat less than is allowed for
 
 
 def test_modelled_quantisation_beats_quantisation_as_noise() -> None:
@@ -85,7 +87,7 @@ def test_modelled_quantisation_beats_quantisation_as_noise() -> None:
     quiet = Teeth(gaps=(0.1 * ARCMIN, 0.1 * ARCMIN), noise=5e-7)
     count = 2 * np.pi / 2**17
     as_noise = replace(quiet, bits=30, noise=count / np.sqrt(12))
-    assert found(quiet, creep=4e-7).drives[0].gap.std < found(as_noise, creep=4e-7).drives[0].gap.std / 3
+    assert found(quiet, load_speed=4e-7).drives[0].gap.std < found(as_noise, load_speed=4e-7).drives[0].gap.std / 3
 
 
 def test_the_motors_alone_determine_the_total_backlash() -> None:
@@ -96,7 +98,7 @@ def test_the_motors_alone_determine_the_total_backlash() -> None:
 
 
 def test_standstill_within_a_count_leaves_the_division_open() -> None:
-    log = swept(Teeth(noise=0.0), 3, creep=0.0)
+    log = swept(Teeth(noise=0.0), 3, load_speed=0.0)
     with pytest.raises(Unidentifiable, match="never changes"):
         lost_motion(log, GEARS)
     run, count = log.runs[0], 2 * np.pi / 2**17
@@ -133,5 +135,5 @@ def test_a_log_that_does_not_determine_it_is_refused() -> None:
 
 def test_repeated_quantisation_adds_no_information() -> None:
     smooth = Teeth(friction=(0.0, 0.0), coefficient=(0.0, 0.0))  # so that the load's encoder has no say in it
-    few, many = (found(smooth, visits=visits, creep=0.0).total_gap.std for visits in (8, 32))
+    few, many = (found(smooth, visits=visits, load_speed=0.0).total_gap.std for visits in (8, 32))
     assert many > 0.8 * few  # as independent visits they would say half

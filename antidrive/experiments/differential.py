@@ -41,7 +41,7 @@ class DifferentialSettings:
         visits: number of visits, in alternating directions.
         sample_time: [s].
         stiffness, damping: of the loop that holds the load [N m/rad], [N m s/rad].
-        creep: speed at which the load creeps meanwhile [rad/s].
+        load_speed: speed of the load meanwhile [rad/s].
         amplitude, start, stop, duration: of the output torque in common mode [N m], [Hz], [Hz], [s].
         preloads: of each drive in common mode, at the load side [N m].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
@@ -57,7 +57,7 @@ class DifferentialSettings:
     sample_time: float
     stiffness: float
     damping: float
-    creep: float
+    load_speed: float
     amplitude: float
     start: float
     stop: float
@@ -126,7 +126,7 @@ class Differential:
 
     Attributes:
         rig: one of the machines.
-        cases: of every backlash and encoder, with a creeping load.
+        cases: of every backlash and encoder, with a slowly moving load.
         standing: of the smallest backlash and every encoder, with a load at rest.
         log: of one machine, in the form of a measured log.
         common: fits under each preload of the common mode.
@@ -151,13 +151,13 @@ class Differential:
 
 def experiment(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> Differential:
     """Sweep the preload of all machines, then move one of them in common mode."""
-    plans = [(int(bits), backlash, settings.creep) for backlash in settings.gaps for bits in settings.bits]
+    plans = [(int(bits), backlash, settings.load_speed) for backlash in settings.gaps for bits in settings.bits]
     plans += [(int(bits), min(settings.gaps), 0.0) for bits in settings.bits]
     rigs = [settings.machine(backlash, bits) for bits, backlash, _ in plans]
     sweep = settings.sweep().preload().size  # in samples of the sweep; a fit takes as long as 100 to 700 of them
     parts = Parts(sweep * (1.0 + len(plans) / 60 + len(settings.preloads) / 9), tell)
-    creep = [speed for *_, speed in plans]
-    logs = logs_of(Fleet(rigs), settings.sweep(), creep=creep, seed=seed, parts=parts)
+    load_speed = [speed for *_, speed in plans]
+    logs = logs_of(Fleet(rigs), settings.sweep(), load_speed=load_speed, seed=seed, parts=parts)
     cases = [
         Case(bits=bits, gap=backlash, found=lost_motion(log, rig.gears))
         for (bits, backlash, _), log, rig in zip(plans, logs, rigs, strict=True)

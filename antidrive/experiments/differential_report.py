@@ -37,8 +37,8 @@ def run(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> 
             f"{worst.gap / ARCMIN:.2g} arcmin with {worst.bits} bits (standard error {100 * worst.std:.2g} %).",
             f"One count of {min(settings.bits):g} bits at the load is {_count(min(settings.bits)):.2g} arcmin. One "
             f"sample cannot resolve less, but {duration:g} s of samples can: the load moves slowly over "
-            f"{settings.creep * duration / ARCMIN / _count(min(settings.bits)):.2g} counts, and the motor encoders, "
-            f"finer by the gear ratio of {found.rig.gears.ratio:.1f}, measure the position within a count. "
+            f"{settings.load_speed * duration / ARCMIN / _count(min(settings.bits)):.2g} counts, and the motor "
+            f"encoders, finer by the gear ratio of {found.rig.gears.ratio:.1f}, measure the position within a count. "
             f"With the load at rest the standard error is up to {100 * rough.std:.2g} % of the smallest backlash "
             f"({rough.bits} bits).",
             f"Also found: {drive.stiffness.value:.5g} N m/rad of stiffness (true: {found.rig.flank_stiffness:g}), "

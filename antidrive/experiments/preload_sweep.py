@@ -1,7 +1,7 @@
 """A sweep of the preload at standstill, simulated on many machines at once; the result is a log as of a real drive.
 
 The preload rises and falls linearly between two levels, in alternating directions. Meanwhile a loop over the motors'
-encoders holds the load, or lets it creep; it does not know the backlash.
+encoders holds the load, or lets it move slowly; it does not know the backlash.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ class Sweep:
         return np.concatenate([one if number % 2 == 0 else -one for number in range(self.visits)])
 
 
-def logs_of(fleet: Fleet, sweep: Sweep, *, creep: ArrayLike, seed: int, parts: Parts | None = None) -> list[Log]:
-    """One log per machine, with the channels of a real drive; loads creep at (B,) [rad/s]."""
+def logs_of(fleet: Fleet, sweep: Sweep, *, load_speed: ArrayLike, seed: int, parts: Parts | None = None) -> list[Log]:
+    """One log per machine, with the channels of a real drive; the loads move at (B,) [rad/s]."""
     rig, preload, dt = fleet.rigs[0], sweep.preload(), sweep.sample_time
     count, drives = len(fleet), len(rig.drives)
     rng = np.random.default_rng(seed)
-    wanted_rate = np.broadcast_to(np.asarray(creep, dtype=np.float64), (count,))
+    wanted_rate = np.broadcast_to(np.asarray(load_speed, dtype=np.float64), (count,))
     reading, motors, pinions = (np.empty((preload.size, count, *more)) for more in ((), (drives,), (drives,)))
 
     def allocated(torque: Array, preload: float) -> Array:
