@@ -179,7 +179,7 @@ def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
     return Cause(
         effect=name,
         probability=judgement.causes[name],
-        alternatives=alternatives(posterior, name),
+        alternatives=alternatives(posterior.tempered, name),
         parameters=estimates(fit, name),
         share=share,
         rms=rms,
@@ -246,7 +246,7 @@ def _sets(posterior: Posterior, judgement: Judgement) -> tuple[EffectSet, ...]:
             log_marginal=None if each is None else each.log_marginal,
             fit=None if each is None else each.fit,
         )
-        for names, p in posterior.reported.items()
+        for names, p in posterior.tempered.reported.items()
         for each in (fitted.get(names),)
     )
 

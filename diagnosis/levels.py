@@ -16,5 +16,7 @@ SIGNIFICANT = 3.0
 """Standard errors from which a result on validation data is significant."""
 TWICE = 1.0
 """Relative increase of an error, to double, up to which it is tolerated."""
+LEARNING_RATE = 0.7
+"""Power of the posterior, below one since no model is exact; learnt from randomly drawn servos."""
 INEXACT = 0.01
 """Relative error of models: prior scale of the unmodelled torque, and of the law of an effect."""

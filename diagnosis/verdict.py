@@ -43,7 +43,7 @@ class Judgement:
 def judged(
     posterior: Posterior, missing: ResidualTorque, *, shows: bool, ruled_out: frozenset[str] | None
 ) -> Judgement:
-    """The verdict of a posterior.
+    """The verdict of a posterior: which effects are probable follows from it, how sure they are from the tempered one.
 
     Args:
         posterior: over the sets.
@@ -54,24 +54,26 @@ def judged(
             is not "nothing_missing", and an effect that is neither one of these nor a special case of one is no cause.
     """
     beside = posterior.best.discrepancy.posterior
-    probable = {name: p for name, p in posterior.names().items() if p > LIKELY}
+    probable = [name for name, p in posterior.names().items() if p > LIKELY]
     fitted = frozenset[str]().union(*(each.names for each in posterior.sets))
+    tempered = posterior.tempered
     probabilities = {name: posterior.probability(name) for name in posterior.names() if name in fitted}
+    to_report = {name: tempered.probability(name) for name in probabilities}
     among = None if ruled_out is None else frozenset[str]().union(*map(special_cases, ruled_out))
-    causes = {name: p for name, p in probabilities.items() if p > LIKELY and (among is None or name in among)}
+    likely = [name for name, p in probabilities.items() if max(p, to_report[name]) > LIKELY]
+    causes = {name: to_report[name] for name in likely if among is None or name in among}
     if causes and among is None:
-        causes |= {name: probabilities[name] for name in posterior.leading if name in probabilities}
+        causes |= {name: to_report[name] for name in posterior.leading if name in probabilities}
     instead = posterior.nonparametric() > LIKELY
     left = beside.something > SURE or missing.excess > 1.0 - SURE or shows or instead
-    small = {
-        name: probabilities[name] for name in probable if probabilities[name] <= LIKELY
-    }  # the others replace a ruled-out effect
-    minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
+    small = [name for name in probable if name not in likely]  # the others replace a ruled-out effect
+    minor = {name: to_report[name] for name in small if not special_cases(name) & causes.keys()}
     more = left or bool(minor) or ruled_out is not None
-    doubtful = any(map(is_uncertain, minor.values())) or posterior.complete({*causes, *minor}) <= LIKELY
+    doubtful = any(is_uncertain(probabilities[name]) for name in minor)
+    doubtful = doubtful or posterior.complete({*causes, *minor}) <= LIKELY
     verdict = _verdict(posterior, causes, more=more, uncertain=doubtful)
     if verdict == "ambiguous" and not causes:
-        causes = _leading(posterior)
+        causes = _leading(tempered)
     return Judgement(
         verdict=verdict,
         causes=dict(sorted(causes.items(), key=lambda item: -item[1])),

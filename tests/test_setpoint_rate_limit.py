@@ -125,7 +125,7 @@ def test_while_the_drive_is_off_the_internal_goal_waits() -> None:
     assert internal == pytest.approx(np.minimum(0.1 + RATE * SAMPLE * elapsed, 0.9), abs=1e-9)
 
 
-def test_the_first_setpoint_is_found_behind_a_drive_that_starts_late() -> None:
+def test_the_first_setpoint_of_a_drive_that_starts_late_is_found() -> None:
     gain = np.array([0.0, 0.0, 2.0, 2.0, 0.0, 2.0])
     assert setpoints(np.array([9.0, 9.0, 1.0, 3.0, 9.0, 5.0]), gain).tolist() == [0.5, 0.5, 0.5, 1.5, 1.5, 2.5]
     assert setpoints(np.ones(3), np.zeros(3)).tolist() == [0.0, 0.0, 0.0]

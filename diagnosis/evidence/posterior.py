@@ -23,12 +23,15 @@ time: what it adds to the special case has to exceed the same, and a hundredth o
 
 The same rule holds for a set with a non-parametric effect, compared with the most probable set of catalogue effects
 alone: what it explains beyond that set has to exceed a hundredth of the largest effect there.
+
+No model of the unmodelled torque is right either, so all this is still too sure. What is reported is the posterior
+raised to a power below one, the learning rate (Bissiri, Holmes and Walker 2016; Gruenwald and van Ommen 2017).
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 
@@ -36,7 +39,7 @@ import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.jackknife import BLOCKS
-from diagnosis.levels import INEXACT, LIKELY
+from diagnosis.levels import INEXACT, LEARNING_RATE, LIKELY
 from plant.effects import catalogue
 from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
@@ -74,6 +77,13 @@ class Posterior:
                 reported[names] = reported.get(names, 0.0) + share
         ranked = dict(sorted(reported.items(), key=lambda item: -item[1]))
         return cls(sets=tuple(ordered), probabilities=probabilities, reported=ranked)
+
+    @cached_property
+    def tempered(self) -> Posterior:
+        """The same with the probabilities to report, which are less extreme by the learning rate."""
+        powers = {names: p**LEARNING_RATE for names, p in self.reported.items()}
+        whole = sum(powers.values())
+        return replace(self, reported={names: power / whole for names, power in powers.items()})
 
     @cached_property
     def leading(self) -> frozenset[str]:
