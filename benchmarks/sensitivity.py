@@ -64,6 +64,7 @@ CONSTANTS: dict[str, tuple[str, str]] = {
     "levels.DECISIVE": ("diagnosis.levels", "log odds against what hardly ever comes"),
     "levels.SIGNIFICANT": ("diagnosis.levels", "standard errors that rule out"),
     "levels.TWICE": ("diagnosis.levels", "rise of a multi-step error that is another one"),
+    "levels.LEARNING_RATE": ("diagnosis.levels", "power of the posterior that is reported"),
     "levels.INEXACT": ("diagnosis.levels", "share by which laws and models are wrong"),
 }
 """Each constant with its module and a description."""
