@@ -11,6 +11,7 @@ import pytest
 from machine import Follower, Machine, excitation, record, wandering_reference
 
 from diagnosis import Diagnosis, diagnose
+from diagnosis.evidence import fitted_sets
 from diagnosis.evidence.fitted_sets import FittedSets, fitted
 from diagnosis.evidence.larger_sets import Trial, _try_held, proposals, rise, try_sets
 from diagnosis.evidence.marginal import Explanation, families_along
@@ -19,7 +20,7 @@ from diagnosis.evidence.search_over_sets import explore, explore_from
 from identification.fit import fit
 from identification.log import Log
 from plant import BadParameter, catalogue
-from plant.effects import CableStiffness, CoulombFriction
+from plant.effects import CableStiffness, CoulombFriction, StribeckFriction
 
 
 def log_of(seed: int, **hidden: dict[str, float]) -> Log:
@@ -40,6 +41,29 @@ def test_the_first_of_two_may_simulate_worse_than_none() -> None:
     sizes = {cause.effect: cause.parameters for cause in found.causes}
     assert sizes["coulomb_friction"]["torque"].value == pytest.approx(0.18, rel=0.01)
     assert sizes["gravity_offset"]["beta"].value == pytest.approx(0.17, rel=0.01)
+
+
+def test_a_fit_that_was_stopped_goes_on_if_it_is_likelier(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the missing effect may have no evidence; a set that others exceed is not worth more iterations."""
+    friction = {"stribeck_friction": {"coulomb": 0.2, "excess": 0.1, "velocity": 0.2}}
+    null = fit(record(Machine().hiding(**friction), excitation(10000, duration=12.0), seed=5000).log())
+    families = families_along(null)
+    assert families is not None
+    monkeypatch.setattr(fitted_sets, "_ITERATIONS", 3)
+    start = null.model.with_effect(StribeckFriction(coulomb=0.01, excess=0.01, velocity=1.0))
+
+    def explained(*others: Explanation | None) -> tuple[bool, Explanation | None]:
+        found = FittedSets(null=null, effects=dict(catalogue), tell=print, families=families)
+        found.add([found.explanation_of(null), *others])
+        stopped = found.fitted(null, [start], null.bandwidth)
+        return stopped.converged, found.explanation_of(stopped)
+
+    converged, best = explained()
+    assert not converged
+    assert best is not None
+    assert best.fit.converged
+    assert best.fit["stribeck_friction.coulomb"].value == pytest.approx(0.2, rel=0.05)
+    assert explained(best) == (False, None)
 
 
 def test_a_search_continues_from_a_better_fit() -> None:
