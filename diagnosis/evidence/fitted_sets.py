@@ -11,7 +11,6 @@ import numpy as np
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import Explanation, marginal_likelihood
 from diagnosis.evidence.proposals import Proposal
-from diagnosis.levels import DECISIVE
 from diagnosis.refit import fitted_from, is_its_special_case, most_promising, problem_near
 from identification.fit_result import Fit
 from identification.noise import log_likelihood
@@ -142,16 +141,15 @@ class FittedSets:
         )
 
     def _continued(self, fit: Fit) -> Explanation | None:
-        """Evidence of a fit that was stopped by the number of iterations; None if no more are worth it.
+        """Evidence of a fit that was stopped by the number of iterations, after as many again; None without any.
 
-        They are if it is already likelier than all sets with its observer, and as long as it becomes likelier still.
+        They are worth it only if it is already likelier than all sets with its observer.
         """
         others = (each.fit.log_likelihood for (_, bandwidth), each in self.fits.items() if bandwidth == fit.bandwidth)
         if fit.log_likelihood <= max(others, default=-np.inf):
             return None
         more = self.fitted(fit, [fit.model], fit.bandwidth)
-        rises = more.log_likelihood > fit.log_likelihood + DECISIVE
-        return self.explanation_of(more) if more.converged or rises else None
+        return self.explanation_of(more) if more.converged else None
 
     def narrowed(self, fit: Fit, name: str) -> list[Fit]:
         """The fit with the special case in place of an effect; empty without one, or if it is not a candidate."""
