@@ -21,7 +21,7 @@ class Allocation(Drawn):
         preload: lambda of equation (3) [N m per tooth]; for a structure other than a gear train, the component of the
             torques along its `null_vector` [N m].
         status: "optimal", or "degraded: " and the reason.
-        binding: names of the rows that hold with equality, as "drive 1: least torque".
+        binding: names of the rows that hold with equality, as "drive 1: minimum torque".
         margin: smallest motor or contact torque minus the minimum, seen from the drive [N m]; contact may be lost if
             it is negative.
         missing_torque: demanded minus delivered torque [N m]; a number for one joint, (n,) for several.

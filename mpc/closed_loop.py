@@ -12,6 +12,7 @@ from allocation import least_effort
 from mpc.controller import Controller
 from plant.effects.parameter import Axis
 from plant.errors import BadParameter
+from plant.renamed import Renamed
 from plant.result_display import Drawn
 from plant.rig import Rig
 from plant.units import axis_quantities
@@ -62,6 +63,8 @@ class ClosedLoopResult(Drawn):
     def minimum_contact_torque(self) -> float:
         """Minimum contact torque on the test bench [N m], at the output gear."""
         return float(np.min(self.contact_torques))
+
+    least_flank_torque = Renamed("minimum_contact_torque")
 
     @property
     def copper_loss(self) -> float:

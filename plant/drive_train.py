@@ -7,6 +7,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plant.renamed import Renamed
+
 Array = NDArray[np.float64]
 
 
@@ -97,6 +99,8 @@ class DriveTrain(ABC):
     def output_torque(self, torques: ArrayLike) -> Array:
         """Torque on the load [N m], shape (...), of pinion torques [N m], shape (..., m), equation (2)."""
         return np.asarray(np.asarray(torques, dtype=np.float64) @ self.torque_map)
+
+    follower_torque = Renamed("output_torque")
 
     def load_speed(self, motor_speed: float) -> float:
         """Speed of the load at a speed of motor 1, in the same unit and without the sign of the final mesh."""

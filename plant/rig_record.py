@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.encoder import Trail
+from plant.renamed import Renamed
 from plant.result_display import Drawn
 
 Array = NDArray[np.float64]
@@ -35,6 +36,8 @@ class RigState:
     minimum_contact_torques: Array
     drive_torques: Array = field(default_factory=lambda: np.zeros(0))
     trail: Trail = ()
+
+    least_flank_torques = Renamed("minimum_contact_torques")
 
     def row(self) -> Array:
         """(1, S) the state as in `plant.flank.states`."""

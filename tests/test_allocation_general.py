@@ -118,7 +118,7 @@ def test_missing_joint_torques_are_reported_briefly() -> None:
     assert result.missing_torque == pytest.approx(demand - np.array(THREE) @ result.torques)
     assert result.status.startswith("degraded: ")
     assert f"{np.linalg.norm(result.missing_torque):.3g} N m of the torque are out of reach" in result.status
-    assert set(result.binding) == {"drive 1: greatest torque", "drive 2: least torque"}
+    assert set(result.binding) == {"drive 1: greatest torque", "drive 2: minimum torque"}
     # no reachable torque is nearer: the missing part points away from all of them (a support function)
     direction = np.asarray(result.missing_torque)
     furthest = linprog(-direction @ np.array(THREE), bounds=[(0.05, 1.0)] * 3)
@@ -148,8 +148,8 @@ def test_contact_torque_counts_rotor_and_friction() -> None:
     # the rotor inertia increases the contact torque by more than friction reduces it: the motor's minimum is active
     assert taken > friction * r
     assert -backward.torques[1] == pytest.approx(0.02)
-    assert "drive 2: flank torque" in forward.binding
-    assert "drive 2: least torque" in backward.binding
+    assert "drive 2: contact torque" in forward.binding
+    assert "drive 2: minimum torque" in backward.binding
     assert forward.margin == pytest.approx(0.0, abs=1e-12)
     bare = replace(allocator, motor_friction=0.0).allocate(-1.0, 3.0)
     assert allocator.bounds.margin(bare.torques, 3.0) == pytest.approx(-friction * r)

@@ -51,8 +51,8 @@ def test_torques_keep_their_rate(solver: str | None) -> None:
     assert np.max(np.abs(np.diff(torques, axis=0))) <= 4.0 * 0.005 + 1e-12
     assert "torque_rate holds the preload back" in results[0].status
     assert results[0].torques == pytest.approx([0.02, -0.02])
-    assert results[3].binding == ("drive 2: least torque", "drive 1: torque rate")
-    assert "(drive 2: least torque, drive 1: torque rate)" in results[3].status
+    assert results[3].binding == ("drive 2: minimum torque", "drive 1: torque rate")
+    assert "(drive 2: minimum torque, drive 1: torque rate)" in results[3].status
     assert results[-1].is_optimal(1e-9)
     turned = allocator.allocate(1.5, before=results[-1], dt=0.005)
     assert turned.torques - results[-1].torques == pytest.approx([-0.02, -0.02])

@@ -116,15 +116,15 @@ PLAN = least_effort(BOUNDS, TORQUE, ACCELERATION)
 
 @pytest.mark.parametrize("law", LAWS)
 def test_every_law_gives_the_requested_torque(law: str) -> None:
-    torques = MADE.split(law, TORQUE, PLAN)
+    torques = MADE.pinion_torques(law, TORQUE, PLAN)
     assert torques.shape == (500, 1 if law == ONE else 2)
     assert torques.sum(axis=1) * -161 / 20 == pytest.approx(TORQUE)
-    assert np.max(np.abs(MADE.split(law, 100.0 * TORQUE, PLAN))) <= 0.6
+    assert np.max(np.abs(MADE.pinion_torques(law, 100.0 * TORQUE, PLAN))) <= 0.6
 
 
 def test_the_constant_preload_is_just_enough_for_the_peak() -> None:
     """Oracle: what mesh i passes, n (xi_i - f) less the rotor's share, is T_min at the worst moment and never less."""
-    torques, n = MADE.split(SIZED, TORQUE, PLAN), 161 / 20
+    torques, n = MADE.pinion_torques(SIZED, TORQUE, PLAN), 161 / 20
     rotor, friction = 4e-6 * 99.2307**2, 5e-4 * 99.2307
     flanks = [n * torques[:, 0] + rotor * ACCELERATION - friction, -n * torques[:, 1] - rotor * ACCELERATION - friction]
     assert np.min(flanks) == pytest.approx(n * 0.03, rel=1e-4)
@@ -133,13 +133,13 @@ def test_the_constant_preload_is_just_enough_for_the_peak() -> None:
 def test_the_others_are_as_warm_as_least_effort() -> None:
     expected = np.mean(np.sum(PLAN**2, axis=1))
     for law in (WARM, SHAPED):
-        assert np.mean(np.sum(MADE.split(law, TORQUE, PLAN) ** 2, axis=1)) == pytest.approx(expected)
+        assert np.mean(np.sum(MADE.pinion_torques(law, TORQUE, PLAN) ** 2, axis=1)) == pytest.approx(expected)
 
 
 def test_load_dependent_preload_falls_until_both_drives_share() -> None:
-    without = MADE.split(SHAPED, np.zeros(1), PLAN[:1])[0]
+    without = MADE.pinion_torques(SHAPED, np.zeros(1), PLAN[:1])[0]
     assert without == pytest.approx([MADE.full, -MADE.full])
-    loaded = MADE.split(SHAPED, np.array([1.5 * MADE.full * 161 / 20]), PLAN[:1])[0]
+    loaded = MADE.pinion_torques(SHAPED, np.array([1.5 * MADE.full * 161 / 20]), PLAN[:1])[0]
     assert np.max(loaded) < 0.0
 
 

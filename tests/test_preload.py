@@ -23,13 +23,13 @@ trains = st.builds(GearTrain, pinion_teeth=st.tuples(teeth, teeth), output_teeth
 
 def test_sew_example_splits_120_nm_into_30_and_90() -> None:
     tension = Preload.from_percent(DIRECT, 50.0, rated_torque=120.0)
-    second, first = tension.split(-120.0)
+    second, first = tension.pinion_torques(-120.0)
     assert (first, second) == pytest.approx((30.0, 90.0))
 
 
 def test_sew_example_without_demand_holds_plus_and_minus_30_nm() -> None:
     tension = Preload.from_percent(DIRECT, -50.0, rated_torque=120.0)
-    second, first = tension.split(0.0)
+    second, first = tension.pinion_torques(0.0)
     assert (first, second) == pytest.approx((30.0, -30.0))
     assert tension.torques == pytest.approx([-30.0, 30.0])
     assert tension.difference == pytest.approx(-60.0)
@@ -53,7 +53,7 @@ def test_every_unit_leads_back_to_lambda(gears: GearTrain, coefficient: float, r
 def test_it_is_the_preload_of_the_allocator() -> None:
     gears = GearTrain(pinion_teeth=(20, 31), output_teeth=161)
     shared = Allocator(gears, min_torque=0.02, max_torque=0.3).allocate(0.7)
-    assert Preload(gears=gears, coefficient=shared.preload).split(0.7) == pytest.approx(shared.torques)
+    assert Preload(gears=gears, coefficient=shared.preload).pinion_torques(0.7) == pytest.approx(shared.torques)
 
 
 def test_equal_gears_preload_is_half_the_difference_each() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import MappingProxyType
+from typing import Any
 
 from plant.effects.actuator_lag import ActuatorLag
 from plant.effects.asymmetric_friction import AsymmetricFriction
@@ -31,6 +32,7 @@ from plant.effects.stribeck_friction import StribeckFriction
 from plant.effects.torque_measurement_lag import TorqueMeasurementLag
 from plant.effects.torque_offset import TorqueOffset
 from plant.effects.torque_saturation import TorqueSaturation
+from plant.renamed import warn_of
 
 _ALONG_THE_WAY: tuple[type[Effect], ...] = (
     TorqueMeasurementLag,
@@ -63,6 +65,15 @@ _ALONG_THE_WAY: tuple[type[Effect], ...] = (
 
 catalogue: MappingProxyType[str, type[Effect]] = MappingProxyType({cls.name: cls for cls in _ALONG_THE_WAY})
 """All effects of the catalogue, by name."""
+
+
+def __getattr__(name: str) -> Any:
+    """The class of signatures under its old name."""
+    if name == "Trace":
+        warn_of(name, "Regressors")
+        return Regressors
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "ActuatorLag",

@@ -37,6 +37,7 @@ from plant.effects.parameter import parameter as parameter
 from plant.effects.parameter import parameters_of as parameters_of
 from plant.effects.parameter import within as within
 from plant.effects.static_characteristic import characteristic, curve
+from plant.renamed import warn_of
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
@@ -85,6 +86,9 @@ class Regressors:
     prior: Array | None = None
 
 
+_RENAMED = {"trace": "signature", "traces": "regressors", "reading": "measurement"}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Effect:
     """Base of all effects; without overrides it has no influence."""
@@ -116,6 +120,14 @@ class Effect:
     longest_step: ClassVar[float] = 0.005
     """Longest integration step for it in a log with samples of `SAMPLE_TIME` [s]; scaled with the sample time."""
     axes: ClassVar[tuple[Axis, ...]] = ("rotary", "linear")
+
+    def __init_subclass__(cls) -> None:
+        """Take what an effect defines under its old name."""
+        super().__init_subclass__()
+        for old, new in _RENAMED.items():
+            if old in vars(cls) and new not in vars(cls):
+                warn_of(f"{cls.__name__}.{old}", new)
+                setattr(cls, new, vars(cls)[old])
 
     def __post_init__(self) -> None:
         """Validate every parameter, and store it as a float."""
