@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -81,6 +81,21 @@ def test_confounded_effects_together_mean_that_one_is_missing(nothing: float, ve
     found = judged(posterior, missing, shows=False, ruled_out=None)
     assert found.verdict == verdict
     assert bool(found.causes) == (verdict == "ambiguous")
+
+
+@pytest.mark.parametrize(("sure", "verdict"), [(0.95, "ambiguous"), (0.99, "named")])
+def test_reported_probabilities_are_tempered(sure: float, verdict: str) -> None:
+    """What is likely is decided before; how sure it is, by odds to the power of the learning rate."""
+    quiet = SimpleNamespace(something=0.0, at_its_limit=False)
+    shares = {frozenset({"input_delay"}): sure, frozenset({"back_emf"}): 1.0 - sure}
+    fits: Any = tuple(SimpleNamespace(names=n, discrepancy=SimpleNamespace(posterior=quiet)) for n in shares)
+    posterior = Posterior(sets=fits, probabilities=tuple(shares.values()), reported=shares)
+    found = judged(posterior, cast(Any, SimpleNamespace(excess=0.0)), shows=False, ruled_out=None)
+    odds = (sure / (1.0 - sure)) ** 0.7
+    assert found.causes == {"input_delay": pytest.approx(odds / (1.0 + odds))}
+    assert sum(posterior.tempered.reported.values()) == pytest.approx(1.0)
+    assert dict(alternatives(posterior.tempered, "input_delay")) == {"back_emf": pytest.approx(1.0 / (1.0 + odds))}
+    assert found.verdict == verdict
 
 
 def test_confounded_effects_do_not_remove_each_other() -> None:
