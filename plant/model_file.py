@@ -16,6 +16,7 @@ from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.file_format import check_format
 from plant.gears import drive_train
 from plant.number import finite
+from plant.renamed import EFFECTS
 from plant.servo import ServoModel
 from plant.units import factor
 
@@ -189,6 +190,7 @@ def _parse(content: Any, known: Mapping[str, type[Effect]]) -> ModelFile:
         where = f"effects[{place}]"
         entry = _mapping(entry, where)
         name = entry.get("name")
+        name = EFFECTS.get(name, name) if isinstance(name, str) else name
         if not isinstance(name, str) or name not in known:
             raise BadModelFile(
                 f"{where}: unknown effect {name!r}; `antidrive effects` lists the known ones, and one of your own is "

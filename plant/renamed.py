@@ -11,6 +11,10 @@ def warn_of(old: str, new: str) -> None:
     warnings.warn(f"{old} is now called {new}.", DeprecationWarning, stacklevel=3)
 
 
+EFFECTS = {"goal_rate_limit": "setpoint_rate_limit"}
+"""Effects of model files by their old names, without a warning: nobody can change a file that was written."""
+
+
 class Renamed:
     """The old name of an attribute, in the class that has it."""
 

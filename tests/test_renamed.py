@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import plant.effects
-from plant import GearTrain, Rig
-from plant.effects import Effect, Regressors, Stage
+from plant import GearTrain, Rig, ServoModel, read_model
+from plant.effects import Effect, Regressors, SetpointRateLimit, Stage
+from plant.model_file import write_model
 
 
 def test_an_attribute_is_found_under_its_old_name() -> None:
@@ -17,6 +20,13 @@ def test_an_attribute_is_found_under_its_old_name() -> None:
         assert gears.follower_torque([0.1, -0.2]) == gears.output_torque([0.1, -0.2])
     with pytest.warns(DeprecationWarning, match="minimum_contact_torques"):
         np.testing.assert_array_equal(state.least_flank_torques, state.minimum_contact_torques)
+
+
+def test_a_model_file_with_the_old_name_of_an_effect_is_read(tmp_path: Path) -> None:
+    path, model = tmp_path / "model.json", ServoModel(effects=(SetpointRateLimit(rate=3.0),))
+    write_model(model, path)
+    path.write_text(path.read_text().replace("setpoint_rate_limit", "goal_rate_limit"))
+    assert read_model(path).model == model
 
 
 def test_an_effect_may_define_its_parts_under_their_old_names() -> None:
