@@ -54,7 +54,7 @@ class PreloadLaws:
 
         def same_heat(law: Callable[[Array, float], Array]) -> float:
             def surplus(preload: float) -> float:
-                torques = _split(bounds, torque, law(torque, preload))
+                torques = _allocated(bounds, torque, law(torque, preload))
                 return float(np.mean(np.sum(torques**2, axis=1))) - loss
 
             return float(brentq(surplus, 0.0, 2.0 * float(np.max(bounds.greatest))))
@@ -79,13 +79,13 @@ class PreloadLaws:
         if law == ONE:
             torques = torque[:, None] / self.bounds.gears.torque_map[1]
         elif law == SHAPED:
-            torques = _split(self.bounds, torque, _faded(self.bounds, torque, self.full))
+            torques = _allocated(self.bounds, torque, _faded(self.bounds, torque, self.full))
         else:
-            torques = _split(self.bounds, torque, np.full(torque.shape, self.sized if law == SIZED else self.warm))
+            torques = _allocated(self.bounds, torque, np.full(torque.shape, self.sized if law == SIZED else self.warm))
         return np.asarray(np.clip(torques, -self.bounds.greatest[0], self.bounds.greatest[0]))
 
 
-def _split(bounds: Bounds, torque: Array, preload: Array) -> Array:
+def _allocated(bounds: Bounds, torque: Array, preload: Array) -> Array:
     """Equation (3), with the preload as torque of the first pinion."""
     return bounds.gears.pinion_torques(torque, preload / bounds.gears.null_vector[0])
 

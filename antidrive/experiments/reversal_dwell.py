@@ -169,7 +169,7 @@ def _simulated(settings: DwellSettings, frequency: float, strategy: str, seed: i
     """One motion on all machines: PD control of the motors' mean angle, with feed-forward of model and friction."""
     fleet = Fleet(settings.machines((2,) if strategy == ONE else (1, 2)))
     rig, dt = fleet.rigs[0], settings.sample_time / TICKS
-    allocated, w = _split(settings, rig, strategy), 2.0 * np.pi * frequency
+    allocated, w = _allocating(settings, rig, strategy), 2.0 * np.pi * frequency
     time = np.arange(_ticks(settings, frequency)) * dt
     wanted = settings.amplitude * (1.0 - np.cos(w * time))
     rate, acceleration = settings.amplitude * w * np.sin(w * time), settings.amplitude * w**2 * np.cos(w * time)
@@ -206,7 +206,7 @@ def _motor_side(fleet: Fleet, motors: Array) -> Array:
     return np.asarray(np.mean(motors / -fleet.rigs[0].motor_ratios, axis=1))
 
 
-def _split(settings: DwellSettings, rig: Rig, strategy: str) -> Callable[[Array | float, float], Array]:
+def _allocating(settings: DwellSettings, rig: Rig, strategy: str) -> Callable[[Array | float, float], Array]:
     """Function that allocates output torques (B,) at an acceleration to the pinions (B, m)."""
     if strategy == ONE:
         return lambda torque, _: np.asarray(torque)[..., None] / rig.torque_map
