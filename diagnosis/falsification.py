@@ -19,7 +19,7 @@ from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.wording import measured, percent
 from diagnosis.holdout import bounded, cut, restart_window, squared_errors
 from diagnosis.jackknife import BLOCKS
-from diagnosis.levels import SIGNIFICANT, TWICE
+from diagnosis.levels import LIKELY, SIGNIFICANT
 from diagnosis.refit import estimates, is_plausible, settled, without
 from diagnosis.residual_torque import torque_of
 from diagnosis.result import Estimate
@@ -174,7 +174,7 @@ def _rejection(less: Fit, fit: Fit, validation: Log, gain: tuple[float, float]) 
     """
     bandwidth = max(less.bandwidth, fit.bandwidth)
     before, after = (_squared_innovations(validation, each, bandwidth) for each in (less, fit))
-    tested = ((*cut(before, after), 0.0), (*gain, TWICE))
+    tested = ((*cut(before, after), 0.0), (*gain, 1.0 / LIKELY - 1.0))
     if any(fell > SIGNIFICANT * std for fell, std, _ in tested):
         return _Rejection(worse=0.0, against=np.zeros(BLOCKS))
     worse = max(-fell if fell + SIGNIFICANT * std < -least else 0.0 for fell, std, least in tested)

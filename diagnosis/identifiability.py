@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.levels import SIGNIFICANT
 from diagnosis.linear import response
 from diagnosis.measured_motion import MeasuredMotion
 from diagnosis.score_test import Screen
@@ -19,7 +20,6 @@ from identification.fit_result import Fit
 from plant.effects import Motion
 from plant.effects.effect import Array
 
-_SIGNIFICANT = 3.0  # standard errors
 _SLOW = 0.1  # share of the highest speed at which the modelled breakaway torque has fallen to 1/e
 
 
@@ -89,7 +89,7 @@ def identifiability_warnings(fit: Fit, extended: Fit | None = None) -> tuple[str
     shown = response(screen.filters, np.column_stack(list(columns.values())), on_measurement=False)
     seen = dict(zip(columns, screen.nuisance.beyond_initial_states(shown).T, strict=True))
     weights = {"inertia": _rms(motion.acceleration), "viscous": _rms(motion.velocity)}
-    limit, reasons = _rms(motion.torque) / (_SIGNIFICANT * fit.noise_std), _reasons(fit)
+    limit, reasons = _rms(motion.torque) / (SIGNIFICANT * fit.noise_std), _reasons(fit)
     hidden = [
         question
         for question in _QUESTIONS
@@ -159,7 +159,7 @@ def _is_determined(question: _Question, fit: Fit) -> bool:
     if name is None:
         return False
     lines = [p for p in fit.parameters if p.name.split("[")[0] == name]  # one per run if it differs between runs
-    return all(p.value is not None and p.std is not None and abs(p.value) > _SIGNIFICANT * p.std for p in lines)
+    return all(p.value is not None and p.std is not None and abs(p.value) > SIGNIFICANT * p.std for p in lines)
 
 
 def _reasons(fit: Fit) -> dict[str, str | None]:

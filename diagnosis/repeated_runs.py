@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
+from diagnosis.levels import SIGNIFICANT
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.noise import colour
@@ -20,7 +21,6 @@ from plant.effects.effect import Array
 
 _SAME_COMMAND = 0.01  # largest rms difference of the commands of repeated runs, as a share of the rms command
 _SHIFTS = 40  # number of shifts of one run against the other, to estimate the correlation by chance
-_SIGNIFICANT = 4.0  # standard deviations of the correlation by chance
 _RELEVANT = 0.05  # least relevant share of the variance
 
 
@@ -41,7 +41,7 @@ class Repeats:
     @property
     def deterministic(self) -> bool:
         """Whether the common share is significant and relevant."""
-        return self.share > max(_SIGNIFICANT * self.chance, _RELEVANT)
+        return self.share > max(SIGNIFICANT * self.chance, _RELEVANT)
 
     def __str__(self) -> str:
         """One sentence."""
@@ -87,7 +87,7 @@ def repeats(fit: Fit) -> Repeats | None:
     found = [shares for way in error_sets if (shares := _shares(way, pairs)) is not None]
     if not found:
         return None
-    share, chance = max(found, key=lambda shares: shares[0] - _SIGNIFICANT * shares[1])
+    share, chance = max(found, key=lambda shares: shares[0] - SIGNIFICANT * shares[1])
     labels = tuple((fit.log.runs[a].label, fit.log.runs[b].label) for a, b in pairs)
     return Repeats(pairs=labels, share=share, chance=chance)
 

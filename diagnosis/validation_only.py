@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.holdout import restart_window, squared_errors
-from diagnosis.levels import DECISIVE, TWICE
+from diagnosis.levels import DECISIVE, LIKELY
 from diagnosis.refit import fitted_to
 from identification.fit_result import Fit
 from identification.log import Log
@@ -55,8 +55,8 @@ def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = Non
     fitted = np.array([square for _, _, square in _windows(fit.log, fit.model, window)])
     parts = _windows(validation, model or fit.model, window)
     validated = np.array([square for _, _, square in parts])
-    if fitted.size < 2 or not validated.size or np.mean(validated) <= (1.0 + TWICE) ** 2 * np.mean(fitted):
-        return None  # another motion may have up to twice the error
+    if fitted.size < 2 or not validated.size or LIKELY**2 * np.mean(validated) <= np.mean(fitted):
+        return None  # of another motion up to twice the error is expected
     worst = int(np.argmax(validated))
     logs = (np.log(np.maximum(each, np.finfo(float).tiny)) for each in (fitted, validated))
     if _by_chance(*logs) > np.exp(-DECISIVE):
