@@ -26,6 +26,7 @@ from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem, first_states
+from identification.threads import in_threads
 from identification.unsettled_start import unsettled_if_shown
 from plant.effects import catalogue
 from plant.effects.effect import Array
@@ -125,14 +126,16 @@ class _Validated:
         """Validate a set; without effects the fit is that of the base model."""
         names = sorted(explanation.names)
         fit = settled(explanation.fit, base.bandwidth) if names else base
-        less = {name: base if len(names) == 1 else without(fit, name, base.bandwidth) for name in names}
+        fits = [base] if len(names) == 1 else in_threads(lambda name: without(fit, name, base.bandwidth), names)
+        less = dict(zip(names, fits, strict=True))
         gains = dict[str, tuple[float, float]]()
         worse_together = False
         if names:
             after = errors_of_many_steps(fit.model, validation)
             gains = {name: cut(errors_of_many_steps(other.model, validation), after) for name, other in less.items()}
             worse_together = len(names) > 1 and predicts_worse(base, fit, validation)
-        rejections = {name: _rejection(other, fit, validation, gains[name]) for name, other in less.items()}
+        against = in_threads(lambda name: _rejection(less[name], fit, validation, gains[name]), names)
+        rejections = dict(zip(names, against, strict=True))
         return cls(fit=fit, less=less, gains=gains, rejections=rejections, worse_together=worse_together)
 
 
