@@ -6,7 +6,7 @@
 
 Draws logs of servos (`drawn_machines`), diagnoses each, and reports how often the diagnosis is right, honest or wrong
 (`field_scoring`). *choosing* are 500 seeds for work on the method; *final* are 1,000 others, each run once; *later* are
-1,000 more, for changes made after those. Each log runs in a separate process with a time limit. Outcomes are appended
+2,000 more, for changes made after those. Each log runs in a separate process with a time limit. Outcomes are appended
 to a file as they come, and stored ones are not run again. The table goes to benchmarks/results/field.txt.
 """
 
@@ -27,7 +27,7 @@ from field_scoring import score  # noqa: E402
 from field_table import table  # noqa: E402
 from field_workers import results  # noqa: E402
 
-SETS = {"choosing": range(500), "final": range(100_000, 101_000), "later": range(101_000, 102_000)}
+SETS = {"choosing": range(500), "final": range(100_000, 101_000), "later": range(101_000, 103_000)}
 RESULTS = HERE / "results"
 
 

@@ -150,7 +150,11 @@ def _mentioned(hidden: dict[str, Any], outcome: Outcome) -> bool:
 
 
 def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
-    """Every reported probability, with whether it is true; those of equivalent effects are added."""
+    """Every reported probability, with whether it is true.
+
+    Those of equivalent effects are added, and those of special cases: what is told of Coulomb friction in place of
+    Stribeck friction says that there is dry friction, and not that Coulomb friction alone is there.
+    """
     reported: dict[str, float] = {}
     for name in outcome["names"]:
         for effect, probability in ((name["effect"], name["probability"]), *name["alternatives"]):
@@ -158,7 +162,7 @@ def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
                 reported[effect] = max(reported.get(effect, 0.0), float(probability))
     events, used = [], set()
     for h in outcome["truth"]:
-        alike = {h["name"], *(one for names in h["alike"] for one in names)}
+        alike = {h["name"], *PARTS.get(h["name"], ()), *(one for names in h["alike"] for one in names)}
         mine = {name: p for name, p in reported.items() if name in alike}
         used |= set(mine)
         if mine:

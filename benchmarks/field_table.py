@@ -95,12 +95,14 @@ def _reliability(pairs: list[Pair]) -> str:
     stated, true = np.array([p for p, _ in events]), np.array([hit for _, hit in events], dtype=float)
     edges = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0 + 1e-12])
     place = np.clip(np.digitize(stated, edges) - 1, 0, edges.size - 2)
-    lines, error = [f"{'said':14}{'names':>7}{'mean':>8}{'true':>8}"], 0.0
+    lines, error, chance = [f"{'said':14}{'names':>7}{'mean':>8}{'true':>8}"], 0.0, 0.0
     for k in range(edges.size - 1):
         chosen = place == k
         if chosen.any():
             mean, share = float(stated[chosen].mean()), float(true[chosen].mean())
             error += float(chosen.mean()) * abs(mean - share)
+            spread = np.sqrt(2.0 / np.pi * mean * (1.0 - mean) / chosen.sum())  # mean absolute error of a true share
+            chance += float(chosen.mean()) * float(spread)
             lines.append(
                 f"{edges[k]:5.2f} to {min(edges[k + 1], 1.0):4.2f}{int(chosen.sum()):>7}{mean:>8.3f}{share:>8.3f}"
             )
@@ -109,7 +111,8 @@ def _reliability(pairs: list[Pair]) -> str:
     score_sum += np.log(_UNMENTIONED) * sum(found.unmentioned for _, found in pairs)
     logs = sum(found.category != "crash" for _, found in pairs)
     lines.append(
-        f"expected calibration error (<= 0.02): {error:.4f};  log score per log: {score_sum / max(logs, 1):.4f}"
+        f"expected calibration error (<= 0.02): {error:.4f}, {chance:.4f} by chance;  log score per log: "
+        f"{score_sum / max(logs, 1):.4f}"
     )
     return "\n".join(lines)
 
