@@ -58,6 +58,7 @@ CONSTANTS: dict[str, tuple[str, str]] = {
     "jackknife.BLOCKS": ("diagnosis.jackknife", "blocks of the log that are drawn again"),
     "fitted_sets._ITERATIONS": ("diagnosis.evidence.fitted_sets", "iterations of a fit"),
     "larger_sets.FITTED_SETS": ("diagnosis.evidence.larger_sets", "sets that are fitted at once"),
+    "verdict._NEAR_LARGEST": ("diagnosis.verdict", "from which a variable is told beside the most telling"),
     "levels.SURE": ("diagnosis.levels", "probability from which something is sure"),
     "levels.LIKELY": ("diagnosis.levels", "... and is told"),
     "levels.DECISIVE": ("diagnosis.levels", "log odds against what hardly ever comes"),

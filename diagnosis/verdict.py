@@ -19,6 +19,7 @@ from diagnosis.result import LISTED, Verdict
 from plant.effects import catalogue
 from plant.effects.nonparametric import unnamed
 
+_NEAR_LARGEST = 0.8  # share of the largest gain by one variable, from which another variable is reported too
 _CONSTANT = "nothing"  # variable of a constant torque
 
 
@@ -111,7 +112,7 @@ def _carrying(discrepancy: Discrepancy) -> tuple[str, ...]:
         if more[further] < 1.0 - SURE:
             break
         needed.append(further)
-    nearly_as_good = (variable for variable in ranked if alone[variable] >= SURE * alone[ranked[0]])
+    nearly_as_good = (variable for variable in ranked if alone[variable] >= _NEAR_LARGEST * alone[ranked[0]])
     return tuple(dict.fromkeys((*nearly_as_good, *needed)))
 
 
