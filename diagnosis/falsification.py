@@ -177,7 +177,7 @@ def _rejection(less: Fit, fit: Fit, validation: Log, gain: tuple[float, float]) 
     """
     bandwidth = max(less.bandwidth, fit.bandwidth)
     before, after = (_squared_innovations(validation, each, bandwidth) for each in (less, fit))
-    tested = ((*cut(before, after), 0.0), (*gain, 1.0 / LIKELY - 1.0))
+    tested = ((*cut(before, after), 0.0), (*gain, 1.0 / LIKELY - 1.0))  # to double: less than half was there
     if any(fell > SIGNIFICANT * std for fell, std, _ in tested):
         return _Rejection(worse=0.0, against=np.zeros(BLOCKS))
     worse = max(-fell if fell + SIGNIFICANT * std < -least else 0.0 for fell, std, least in tested)

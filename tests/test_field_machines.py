@@ -146,6 +146,17 @@ def test_probabilities_of_names_for_one_effect_count_together():
     assert score(found).unmentioned == 1
 
 
+def test_a_special_case_counts_with_the_effect_that_contains_it():
+    name = reported("stribeck_friction", 0.9, alternatives=[("coulomb_friction", 0.06)])
+    (told, hit), *others = score(outcome([hidden("stribeck_friction")], [name])).events
+    assert (told, hit, others) == (pytest.approx(0.96), True, [])
+
+
+def test_the_table_tells_how_much_miscalibration_is_chance():
+    """One effect at 0.5 is off by 0.5, and a true share by sqrt(2/pi p (1 - p)) in the mean (a normal deviation)."""
+    assert "0.5000, 0.3989 by chance" in table([outcome([COULOMB], [reported("coulomb_friction", 0.5)], "ambiguous")])
+
+
 def test_the_table_counts_every_log_once():
     text = table([{**case, "seed": k} for k, (_, case) in enumerate(CASES)])
     assert f"{'all':28}{len(CASES):>6}{7:>9}{2:>9}{4:>9}{4:>9}{1:>9}" in text
