@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -14,7 +14,7 @@ from plant.servo import ServoModel
 
 Own: TypeAlias = Mapping[str, tuple[Any, ...]]  # states of each effect, by the name of the effect
 _TINY = 1e-30
-_LOOKS = tuple((k + 0.5) / 12 for k in range(12))  # fractions of a step at which a path is sampled
+_LOOKS = 12  # equal parts of a step in whose middles a path is sampled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,16 +29,14 @@ class Course:
     Attributes:
         start, half, end: values at the start, after half of the step, and at its end [N m].
         early: error of the mean of the three values, as a fraction of end - start [-].
-        path: torque after a fraction of the step [N m]; None for a constant or linear course.
-        seen: cached samples of the path, by fraction of the step.
+        path: torque in the middles of equal parts of the step [N m]; empty for a constant or linear course.
     """
 
     start: Expression
     half: Expression
     end: Expression
     early: Expression
-    path: Callable[[float], Expression] | None = None
-    seen: dict[float, Expression] = field(default_factory=dict)
+    path: tuple[Expression, ...] = ()
 
     @classmethod
     def held(cls, torque: Expression) -> Course:
@@ -74,11 +72,11 @@ class Course:
             half=law(self.half),
             end=law(self.end),
             early=0.0,
-            path=lambda share: law(self.at(share)),
+            path=tuple(map(law, self.along)),
         )
         way, way_behind = self.end - self.start, behind.end - behind.start
-        missed = self.early - (0.0 if self.path is None else self._seen_along() / _not_zero(way))
-        early = missed + behind._seen_along() / _not_zero(way_behind)
+        missed = self.early - (self._sampled() / _not_zero(way) if self.path else 0.0)
+        early = missed + behind._sampled() / _not_zero(way_behind)
         return replace(behind, early=ca.if_else(ca.fabs(way_behind) > 0, _bounded(early), 0))
 
     def moved(self, factor: Expression, shift: Expression = 0.0) -> Course:
@@ -90,7 +88,7 @@ class Course:
             half=factor * self.half + shift,
             end=factor * self.end + shift,
             early=self.early,
-            path=None if self.path is None else lambda share: factor * self.at(share) + shift,
+            path=tuple(factor * value + shift for value in self.path),
         )
 
     def limited(self, limit: Expression) -> Course:
@@ -100,18 +98,17 @@ class Course:
             return ca.fmax(ca.fmin(torque, limit), -limit)
 
         behind = self.through(law)
-        return behind if self.path is not None else replace(behind, early=0.0)
+        return behind if self.path else replace(behind, early=0.0)
 
-    def at(self, share: float) -> Expression:
-        """Torque after a fraction of the step [N m]; cached, because later effects sample the same expression."""
-        if share not in self.seen:
-            straight = self.start + share * (self.end - self.start)
-            self.seen[share] = straight if self.path is None else self.path(share)
-        return self.seen[share]
+    @property
+    def along(self) -> tuple[Expression, ...]:
+        """The samples of the path, also of a constant or linear one [N m]."""
+        way = self.end - self.start
+        return self.path or tuple(self.start + (k + 0.5) / _LOOKS * way for k in range(_LOOKS))
 
-    def _seen_along(self) -> Expression:
+    def _sampled(self) -> Expression:
         """Mean along the sampled path less the Simpson mean of the three values [N m]."""
-        return sum(self.at(share) for share in _LOOKS) / len(_LOOKS) - (self.start + 4 * self.half + self.end) / 6
+        return sum(self.along) / _LOOKS - (self.start + 4 * self.half + self.end) / 6
 
     def followed_by(self, effect: Effect, state: Expression, h: Expression, *, straight: bool) -> Course:
         """The state of an effect driven by this torque over `h`; `straight` if the state moves linearly."""
@@ -127,19 +124,28 @@ class Course:
             half=half,
             end=after,
             early=_bounded(early),
-            path=lambda share: effect.advance(state, entering, share * h),
+            path=tuple(_stepped(effect, state, entering, h)),
         )
 
     def where(self, condition: Expression, other: Course) -> Course:
         """This course where a condition holds, the other one elsewhere."""
-        straight = self.path is None and other.path is None
+        curved = zip(self.along, other.along, strict=True) if self.path or other.path else ()
         return Course(
             start=ca.if_else(condition, self.start, other.start),
             half=ca.if_else(condition, self.half, other.half),
             end=ca.if_else(condition, self.end, other.end),
             early=ca.if_else(condition, self.early, other.early),
-            path=None if straight else lambda share: ca.if_else(condition, self.at(share), other.at(share)),
+            path=tuple(ca.if_else(condition, one, another) for one, another in curved),
         )
+
+
+def _stepped(effect: Effect, state: Expression, entering: Expression, h: Expression) -> Iterator[Expression]:
+    """Samples of the path of an effect's state, each from the one before: all share one exponential."""
+    length = h / (2 * _LOOKS)
+    for _ in range(_LOOKS):
+        state = effect.advance(state, entering, length)
+        yield state
+        length = h / _LOOKS
 
 
 def _bounded(early: Expression) -> Expression:
@@ -223,8 +229,8 @@ def actuated(
                 half=effect.command(course.half, own_course.half, velocity),
                 end=effect.command(course.end, own_course.end, velocity),
                 early=own_course.early,
-                path=lambda share, effect=effect, before=course, own=own_course: effect.command(  # type: ignore[misc]
-                    before.at(share), own.at(share), velocity
+                path=tuple(
+                    effect.command(*both, velocity) for both in zip(course.along, own_course.along, strict=True)
                 ),
             )
         else:

@@ -186,21 +186,22 @@ def division(
     actuator after a change of the command.
     """
     gain, dt = inputs[2], inputs[5]
+
+    def needed(span: Expression) -> Expression:
+        return ca.ceil(substeps * span / ca.fmax(dt, _INSTANT) * (1.0 - 1e-6))
+
     settling = settling_time(model, model.own_states(state), command, gain)
     if settling is None or least == 1:
-        return _equal(length, dt, substeps, least=1)
+        if substeps == 1 or ca.is_equal(length, dt):
+            return [length / substeps] * substeps
+        count = ca.fmax(needed(length), 1)
+        return [ca.if_else(place < count, length / count, 0) for place in range(substeps)]
     early = ca.fmin(settling, length)
-    return [*_equal(early, dt, substeps, least=least), *_equal(length - early, dt, substeps, least=1)]
-
-
-def _equal(length: Expression, dt: Expression, substeps: int, *, least: int) -> list[Expression]:
-    """Equal steps, as few as necessary, and zeros for the rest."""
-    most = max(least, substeps)
-    if most == least or ca.is_equal(length, dt):
-        return [length / most] * most
-    needed = ca.ceil(substeps * length / ca.fmax(dt, _INSTANT) * (1.0 - 1e-6))
-    count = ca.fmin(ca.fmax(needed, least), most)
-    return [ca.if_else(place < count, length / count, 0) for place in range(most)]
+    late = length - early
+    first = ca.fmax(needed(early), least) if substeps > least else least
+    last = ca.fmax(needed(late), 1) if substeps > 1 else 1
+    late_ones = [ca.if_else(place < first + last, late / last, 0) for place in range(substeps + least)]
+    return [ca.if_else(place < first, early / first, each) for place, each in enumerate(late_ones)]
 
 
 def _backward_difference(model: ServoModel, state: Any, step: Step) -> Any:

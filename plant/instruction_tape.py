@@ -11,7 +11,6 @@ computed before them.
 from __future__ import annotations
 
 import ctypes
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -63,56 +62,35 @@ class InstructionTape:
     @one_at_a_time
     def of(cls, function: Any, carried: int) -> InstructionTape | None:
         """Convert a function that is dense in all inputs and outputs; None if the loop lacks one of its operations."""
-        flat = function if function.is_a("SXFunction") else function.expand()
+        flat, library = function if function.is_a("SXFunction") else function.expand(), loops()
+        kinds, entering, leaving, constants = _decoded(flat)
+        if library is None or not known().issuperset(kinds.tolist()):
+            return None
         inputs = [flat.nnz_in(place) for place in range(flat.n_in())]
-        begins = np.concatenate(([0], np.cumsum(inputs))).tolist()
-        constants: dict[str, int] = {}
-        values: dict[int, int] = {}  # index of the value in each cell of CasADi's memory
-        kinds, operands, outputs = list[int](), list[tuple[int, int]](), dict[tuple[int, int], int]()
-        unplaced = -1  # results get their places after the instructions have been ordered
-        for k in range(flat.n_instructions()):
-            kind, cells = flat.instruction_id(k), flat.instruction_input(k)
-            if kind == ca.OP_INPUT:
-                values[flat.instruction_output(k)[0]] = begins[cells[0]] + cells[1]
-            elif kind == ca.OP_CONST:
-                constant = flat.instruction_constant(k)
-                same = constants.setdefault(constant.hex(), len(constants))
-                values[flat.instruction_output(k)[0]] = begins[-1] + same
-            elif kind == ca.OP_OUTPUT:
-                place, element = flat.instruction_output(k)
-                outputs[place, element] = values[cells[0]]
-            elif kind in known():
-                operands.append((values[cells[0]], values[cells[-1]]))
-                kinds.append(kind)
-                values[flat.instruction_output(k)[0]] = unplaced
-                unplaced -= 1
-            else:
-                return None
-        order, groups, once = _ordered(kinds, operands, moving=sum(inputs[: carried + 1]))
-        given, still = begins[-1] + len(constants), sum(count for _, count in groups[:once])
-        places = given + np.arange(len(order), dtype=np.int32)
-        if not carried:
-            places = given + _reused([operands[k] for k in order], order, list(outputs.values()), still)
-        place_of = np.empty(len(order), dtype=np.int32)
-        place_of[order] = places
-
-        def placed(those: Sequence[int]) -> Places:
-            found = np.array(those, dtype=np.int32)
-            return np.where(found < 0, place_of[np.maximum(-1 - found, 0)], found) if order else found
-
         shown = [flat.nnz_out(place) for place in range(flat.n_out())]
+        begins, ends = (np.cumsum([0, *sizes], dtype=np.int32) for sizes in (inputs, shown))
+        first, second, results, of_group, counts = np.empty((5, kinds.size), dtype=np.int32)
+        outputs, sizes = np.empty(sum(shown), dtype=np.int32), np.empty(3, dtype=np.int32)
+        failed = library.arrange_tape(
+            *(kinds.size, _pointer(kinds), _pointer(entering), _pointer(leaving), flat.sz_w(), _pointer(begins)),
+            *(_pointer(ends), sum(inputs) + len(constants), sum(inputs[: carried + 1]), not carried, outputs.size),
+            *map(_pointer, (outputs, first, second, results, of_group, counts, sizes)),
+        )
+        if failed:
+            raise MemoryError("There is no memory left to arrange a function.")
+        written, groups, once = sizes.tolist()
         return cls(
             inputs=tuple(inputs),
             carried=carried,
             shown=tuple(shown[carried:]),
-            constants=np.array([float.fromhex(constant) for constant in constants]),
-            kinds=np.array([kind for kind, _ in groups], dtype=np.int32),
-            counts=np.array([count for _, count in groups], dtype=np.int32),
+            constants=np.array(constants),
+            kinds=of_group[:groups].copy(),
+            counts=counts[:groups].copy(),
             once=once,
-            first=placed([operands[k][0] for k in order]),
-            second=placed([operands[k][1] for k in order]),
-            results=places,
-            outputs=placed([outputs[p, e] for p, size in enumerate(shown) for e in range(size)]),
+            first=first[:written].copy(),
+            second=second[:written].copy(),
+            results=results[:written].copy(),
+            outputs=outputs,
             written=_written(function),
         )
 
@@ -169,92 +147,29 @@ class InstructionTape:
         return not failed
 
 
+def _decoded(flat: Any) -> tuple[Places, Places, Places, list[float]]:
+    """The instructions of a function without calls.
+
+    Returns:
+        (N,) operations, (N, 2) what they take and (N, 2) give: cells of CasADi's memory, of inputs and outputs place
+        and element, of constants the place after all inputs and the element; and the constants.
+    """
+    every, constants = range(flat.n_instructions()), dict[str, int]()
+    kinds = [flat.instruction_id(k) for k in every]
+    entering, leaving = ([of(k) for k in every] for of in (flat.instruction_input, flat.instruction_output))
+    for k in [k for k in every if kinds[k] == ca.OP_CONST]:
+        value = flat.instruction_constant(k).hex()
+        entering[k] = [flat.n_in(), constants.setdefault(value, len(constants))]
+    pairs = [np.array([(one[0], one[-1]) for one in of], dtype=np.int32) for of in (entering, leaving)]
+    return np.array(kinds, dtype=np.int32), pairs[0], pairs[1], [float.fromhex(each) for each in constants]
+
+
 def _written(function: Any) -> int:
     """Number of instructions in the code of a function and of the functions that it calls."""
     called = [] if function.is_a("SXFunction") else function.find_functions()
     return sum(
         each.n_instructions() for each in (function, *called) if each.class_name() in ("SXFunction", "MXFunction")
     )
-
-
-def _ordered(
-    kinds: Sequence[int], operands: Sequence[tuple[int, int]], moving: int
-) -> tuple[list[int], list[tuple[int, int]], int]:
-    """An order of the instructions, its groups of one kind, and how many leading groups do not depend on the row.
-
-    Operands below zero are results: -1 that of the first instruction. Operands below `moving` differ by row.
-    """
-    moves = list[bool]()
-    for both in operands:
-        moves.append(any(moves[-1 - each] if each < 0 else each < moving for each in both))
-    order, groups, once = list[int](), list[tuple[int, int]](), 0
-    for moved in (False, True):
-        once = len(groups)
-        members, more = _grouped([k for k, each in enumerate(moves) if each is moved], kinds, operands)
-        order += members
-        groups += more
-    return order, groups, once
-
-
-def _reused(operands: Sequence[tuple[int, int]], order: Sequence[int], outputs: Sequence[int], still: int) -> Places:
-    """A cell for each result, which later results take over when it is not needed any more: so all stay in the cache.
-
-    Args:
-        operands: of each instruction in turn; below zero: results, -1 that of the first one in the code.
-        order: place of each instruction in the code.
-        outputs: values that are needed at the end.
-        still: number of leading instructions whose results are needed in every row.
-    """
-    turn_of = {place: turn for turn, place in enumerate(order)}
-    last = np.arange(len(order))
-    for turn, both in enumerate(operands):
-        for each in both:
-            if each < 0:
-                last[turn_of[-1 - each]] = turn
-    last[:still] = len(order)
-    last[[turn_of[-1 - each] for each in outputs if each < 0]] = len(order)
-    ends: dict[int, list[int]] = defaultdict(list)
-    cells, free, used = np.empty(len(order), dtype=np.int32), list[int](), 0
-    for turn in range(len(order)):
-        if not free:
-            free.append(used)
-            used += 1
-        cells[turn] = free.pop()  # before its own operands are freed: none is overwritten while it is read
-        ends[int(last[turn])].append(int(cells[turn]))
-        free += ends.pop(turn, [])
-    return cells
-
-
-def _grouped(
-    members: Sequence[int], kinds: Sequence[int], operands: Sequence[tuple[int, int]]
-) -> tuple[list[int], list[tuple[int, int]]]:
-    """Order some of the instructions so that operands come first, in groups of one kind.
-
-    The kind with most ready instructions is always next.
-    """
-    users: dict[int, list[int]] = {k: [] for k in members}
-    missing = dict.fromkeys(members, 0)
-    ready: dict[int, list[int]] = defaultdict(list)
-    for k in members:
-        needed = {-1 - each for each in operands[k] if each < 0 and -1 - each in users}
-        missing[k] = len(needed)
-        for each in needed:
-            users[each].append(k)
-        if not needed:
-            ready[kinds[k]].append(k)
-    order, groups = list[int](), list[tuple[int, int]]()
-    while len(order) < len(members):
-        kind = max(ready, key=lambda each: len(ready[each]))
-        group, begun = ready[kind], len(order)
-        for k in group:  # grows while instructions become ready
-            order.append(k)
-            for user in users[k]:
-                missing[user] -= 1
-                if not missing[user]:
-                    ready[kinds[user]].append(user)
-        ready[kind] = []
-        groups.append((kind, len(order) - begun))
-    return order, groups
 
 
 def _pointer(values: NDArray[Any]) -> ctypes.c_void_p:

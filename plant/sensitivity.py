@@ -46,13 +46,18 @@ def step_with_slopes(
         return ca.mtimes(ca.jacobian(end, state), slopes) + _beside(ca.jacobian(end, moving), columns)
 
     gain, damping = (inputs[2], inputs[7]) if positioned else (ca.SX(0), ca.SX(0))
-    limit, width = inputs[3], inputs[6]
-    parts = []
+    limit, width, time, parts = inputs[3], inputs[6], inputs[4], []
+    divided = False  # whether the steps differ by sample, so that it may not need all of them
     for command, stretch in stretches(bound, inputs):
-        lengths = ca.vertcat(*division(bound, state, command, inputs, stretch, substeps))
-        given = [ca.vertcat(command, rise(bound, inputs)), lengths, along(lengths)]
-        parts.append(ca.Function("stretch", [state, slopes, inputs, parameters], given, {"cse": True}))
-    clocked = any(part.nnz_out(2) for part in parts)  # whether the instants of the steps depend on the parameters
+        lengths = division(bound, state, command, inputs, stretch, substeps)
+        table, now = list[Any](), (command, time)
+        for length in lengths:  # of each step: the torque and its slope, the time and the length
+            table.append(ca.vertcat(now[0], rise(bound, inputs), now[1], length))
+            now = now[0] + length * rise(bound, inputs), now[1] + length
+        steps, moments = ca.horzcat(*table), along(ca.vertcat(*(each[2:] for each in table)))
+        parts.append(ca.Function("stretch", [state, slopes, inputs, parameters], [steps, moments], {"cse": True}))
+        divided, time = divided or ca.depends_on(ca.vertcat(*lengths), ca.vertcat(state, parameters)), time + stretch
+    clocked = any(part.nnz_out(1) for part in parts)  # whether the instants of the steps depend on the parameters
 
     held, clock = kind.sym("held", 2), kind.sym("clock", 2)
     clock_slopes = kind.sym("clock_slopes", ca.Sparsity.dense(2, columns) if clocked else ca.Sparsity(2, columns))
@@ -63,19 +68,18 @@ def step_with_slopes(
     given = [state, slopes, inputs, parameters, held, clock, clock_slopes]
     one = ca.Function("integration_step", given, [end, ca.densify(after)], {"cse": True})
 
-    if sum(part.size1_out(1) for part in parts) > 1:
+    if sum(part.size2_out(0) for part in parts) > 1:
         kind = ca.MX  # preserves the calls
-        one = _unless_needless(one)
+        one = _unless_needless(one) if divided else one
     state, slopes = kind.sym("state", *state.shape), kind.sym("slopes", *slopes.shape)
     inputs, parameters = kind.sym("inputs", *inputs.shape), kind.sym("parameters", *parameters.shape)
-    end, after, time, time_slopes = state, slopes, inputs[4], kind(1, columns)
+    end, after = state, slopes
     for part in parts:
-        command, lengths, length_slopes = part(end, after, inputs, parameters)
-        for row in range(lengths.shape[0]):
-            now = ca.vertcat(time, lengths[row]), ca.vertcat(time_slopes, length_slopes[row, :])
-            end, after = one(end, after, inputs, parameters, command, *now)
-            command = ca.vertcat(command[0] + lengths[row] * command[1], command[1])
-            time, time_slopes = time + lengths[row], time_slopes + length_slopes[row, :]
+        steps, moments = part(end, after, inputs, parameters)
+        for column in range(steps.shape[1]):
+            torque, instant = steps[:2, column], steps[2:, column]
+            by = moments[2 * column : 2 * column + 2, :]
+            end, after = one(end, after, inputs, parameters, torque, instant, by)
     return ca.Function("step_with_slopes", [state, slopes, inputs, parameters], [end, after])
 
 

@@ -13,6 +13,7 @@ from functools import lru_cache
 import casadi as ca
 
 from plant.machine_code import MachineCode
+from plant.tape_arrangement import ARRANGEMENT
 
 _OF_ONE = {
     **{name: f"{name.lower()}(x)" for name in ("EXP", "LOG", "SQRT", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN")},
@@ -29,6 +30,8 @@ _OF_TWO = {
 }
 """C expressions of CasADi's operations, as in CasADi's own code."""
 
+_NO_OPERATION = ("INPUT", "CONST", "OUTPUT")
+
 _LOOPS = """
 #include <math.h>
 #include <string.h>
@@ -41,7 +44,7 @@ _LOOPS = """
 #pragma GCC optimize ("tree-vectorize", "vect-cost-model=dynamic")
 #endif
 #define LANES %d
-
+%s
 EXPORT int follow_tape(
     long long rows, long long width, const double* row, long long handed, const long long* size, double** carried,
     long long written, const long long* shown_size, double** shown, const int* outputs, double dust, long long groups,
@@ -110,8 +113,8 @@ _SECONDS = "const double y = ys[l]; "
 
 @lru_cache(maxsize=1)
 def known() -> frozenset[int]:
-    """CasADi's numbers of the operations that the loops can execute."""
-    return frozenset(getattr(ca, f"OP_{name}") for name in (*_OF_ONE, *_OF_TWO))
+    """CasADi's numbers of the instructions that a tape can have."""
+    return frozenset(getattr(ca, f"OP_{name}") for name in (*_OF_ONE, *_OF_TWO, *_NO_OPERATION))
 
 
 def loops() -> ctypes.CDLL | None:
@@ -123,7 +126,10 @@ def loops() -> ctypes.CDLL | None:
 
 @lru_cache(maxsize=1)
 def _code() -> MachineCode:
-    return MachineCode("tape", _LOOPS % (LANES, _cases(_ONE_ROW, _SECOND), _cases(_MANY_ROWS, _SECONDS)))
+    names = "\n".join(f"#define IS_{name} {getattr(ca, f'OP_{name}')}" for name in _NO_OPERATION)
+    arrangement = f"#define KINDS {max(known()) + 1}\n{names}\n{ARRANGEMENT}"
+    loops = _LOOPS % (LANES, arrangement, _cases(_ONE_ROW, _SECOND), _cases(_MANY_ROWS, _SECONDS))
+    return MachineCode("tape", loops)
 
 
 def _cases(form: str, second: str) -> str:

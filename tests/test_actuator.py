@@ -13,13 +13,21 @@ from plant.simulation import simulate
 
 
 def test_a_linear_law_moves_the_whole_course() -> None:
-    parabolic = Course(start=1.0, half=1.5, end=4.0, early=0.1, path=lambda share: 1.0 + 3.0 * share**2)
+    middles = (np.arange(12) + 0.5) / 12
+    parabolic = Course(start=1.0, half=1.5, end=4.0, early=0.1, path=tuple(1.0 + 3.0 * middles**2))
     moved = parabolic.moved(2.0, -1.0)
     assert (moved.start, moved.half, moved.end, moved.early) == (1.0, 2.0, 7.0, 0.1)
-    assert moved.at(0.3) == pytest.approx(2.0 * parabolic.at(0.3) - 1.0)
+    assert moved.along == pytest.approx(1.0 + 6.0 * middles**2)
     assert moved.mean == pytest.approx(2.0 * parabolic.mean - 1.0)
     straight = Course(start=1.0, half=2.5, end=4.0, early=0.0).moved(2.0, -1.0)
-    assert straight.at(0.25) == pytest.approx(2.5)
+    assert straight.along == pytest.approx(1.0 + 6.0 * middles)
+
+
+def test_a_lag_is_sampled_in_the_middles_of_equal_parts() -> None:
+    """Each sample from the one before: the same as the law of the lag at once."""
+    lagged = Course.held(2.0).followed_by(ActuatorLag(time_constant=0.003), 0.5, 0.005, straight=False)
+    instants = 0.005 * (np.arange(12) + 0.5) / 12
+    assert [float(value) for value in lagged.path] == pytest.approx(2.0 - 1.5 * np.exp(-instants / 0.003), rel=1e-14)
 
 
 @pytest.mark.parametrize("rate", [20.0, 200.0])

@@ -205,7 +205,9 @@ def test_the_fewest_integration_steps_cover_the_sample(delay: float, goal: float
     for command, length in sample:
         steps = np.array([float(h) for h in division(model, state, command, row, length, substeps)])
         ramp = min(abs(command / gain - shown) / HIDDEN["setpoint_rate_limit"]["rate"], float(length))
-        early, late = steps[:substeps], steps[substeps:]
+        first = max(3, int(np.ceil(substeps * ramp / max(dt, 1e-15) * (1.0 - 1e-6))))
+        early, late = steps[:first], steps[first:]
+        assert len(steps) == substeps + 3
         for part, whole, least in ((early, ramp, 3), (late, float(length) - ramp, 1)):
             needed = part[part > 0.0]
             assert needed.sum() == pytest.approx(whole, abs=1e-15)
