@@ -17,15 +17,14 @@ from hashlib import sha256
 from io import BytesIO
 from typing import Any, Self, TypeAlias
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.instruction_listing import InstructionListing, Places, pointer
 from plant.symbolic import one_at_a_time
 from plant.tape_loops import LANES, known, loops
 
 Array: TypeAlias = NDArray[np.float64]
-Places: TypeAlias = NDArray[np.int32]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,34 +61,34 @@ class InstructionTape:
     @one_at_a_time
     def of(cls, function: Any, carried: int) -> InstructionTape | None:
         """Convert a function that is dense in all inputs and outputs; None if the loop lacks one of its operations."""
-        flat, library = function if function.is_a("SXFunction") else function.expand(), loops()
-        kinds, entering, leaving, constants = _decoded(flat)
-        if library is None or not known().issuperset(kinds.tolist()):
+        library = loops()
+        if library is None:
             return None
-        inputs = [flat.nnz_in(place) for place in range(flat.n_in())]
-        shown = [flat.nnz_out(place) for place in range(flat.n_out())]
-        begins, ends = (np.cumsum([0, *sizes], dtype=np.int32) for sizes in (inputs, shown))
-        first, second, results, of_group, counts = np.empty((5, kinds.size), dtype=np.int32)
-        outputs, sizes = np.empty(sum(shown), dtype=np.int32), np.empty(3, dtype=np.int32)
+        listing = InstructionListing.of(function, library)
+        if not known().issuperset(listing.kinds.tolist()):
+            return None
+        inputs, given = listing.inputs, sum(listing.inputs) + len(listing.constants)
+        first, second, results, of_group, counts = np.empty((5, listing.kinds.size), dtype=np.int32)
+        outputs, sizes = listing.outputs.copy(), np.empty(2, dtype=np.int32)
         failed = library.arrange_tape(
-            *(kinds.size, _pointer(kinds), _pointer(entering), _pointer(leaving), flat.sz_w(), _pointer(begins)),
-            *(_pointer(ends), sum(inputs) + len(constants), sum(inputs[: carried + 1]), not carried, outputs.size),
-            *map(_pointer, (outputs, first, second, results, of_group, counts, sizes)),
+            *(listing.kinds.size, *map(pointer, (listing.kinds, listing.first, listing.second))),
+            *(given, sum(inputs[: carried + 1]), not carried, outputs.size),
+            *map(pointer, (outputs, first, second, results, of_group, counts, sizes)),
         )
         if failed:
             raise MemoryError("There is no memory left to arrange a function.")
-        written, groups, once = sizes.tolist()
+        groups, once = sizes.tolist()
         return cls(
-            inputs=tuple(inputs),
+            inputs=inputs,
             carried=carried,
-            shown=tuple(shown[carried:]),
-            constants=np.array(constants),
+            shown=listing.shown[carried:],
+            constants=np.array(listing.constants),
             kinds=of_group[:groups].copy(),
             counts=counts[:groups].copy(),
             once=once,
-            first=first[:written].copy(),
-            second=second[:written].copy(),
-            results=results[:written].copy(),
+            first=first.copy(),
+            second=second.copy(),
+            results=results.copy(),
             outputs=outputs,
             written=_written(function),
         )
@@ -132,36 +131,19 @@ class InstructionTape:
         values = np.empty((int(self.results.max(initial=still + given.size - 1)) + 1, 1 if handed else LANES))
         values[still : still + given.size] = given[:, None]
         written = np.array([*self.shown, 0], dtype=np.int64)
-        along = ctypes.c_longlong(len(rows)), ctypes.c_longlong(rows.shape[1]), _pointer(rows)
-        seen = ctypes.c_longlong(len(self.shown)), _pointer(written), pointers(shown), _pointer(self.outputs)
+        along = ctypes.c_longlong(len(rows)), ctypes.c_longlong(rows.shape[1]), pointer(rows)
+        seen = ctypes.c_longlong(len(self.shown)), pointer(written), pointers(shown), pointer(self.outputs)
         instructions = (
-            *(ctypes.c_longlong(len(self.kinds)), _pointer(self.kinds), _pointer(self.counts)),
-            *(_pointer(self.first), _pointer(self.second), _pointer(self.results), _pointer(values)),
+            *(ctypes.c_longlong(len(self.kinds)), pointer(self.kinds), pointer(self.counts)),
+            *(pointer(self.first), pointer(self.second), pointer(self.results), pointer(values)),
             *(ctypes.c_longlong(self.once), ctypes.c_longlong(int(self.counts[: self.once].sum()))),
         )
         if not handed:
             return not library.map_tape(*along, *seen, *instructions)
         sizes = np.array([*self.inputs[:handed], 0], dtype=np.int64)
-        before = ctypes.c_longlong(handed), _pointer(sizes), pointers(carried)
+        before = ctypes.c_longlong(handed), pointer(sizes), pointers(carried)
         failed = library.follow_tape(*along, *before, *seen, ctypes.c_double(dust), *instructions)
         return not failed
-
-
-def _decoded(flat: Any) -> tuple[Places, Places, Places, list[float]]:
-    """The instructions of a function without calls.
-
-    Returns:
-        (N,) operations, (N, 2) what they take and (N, 2) give: cells of CasADi's memory, of inputs and outputs place
-        and element, of constants the place after all inputs and the element; and the constants.
-    """
-    every, constants = range(flat.n_instructions()), dict[str, int]()
-    kinds = [flat.instruction_id(k) for k in every]
-    entering, leaving = ([of(k) for k in every] for of in (flat.instruction_input, flat.instruction_output))
-    for k in [k for k in every if kinds[k] == ca.OP_CONST]:
-        value = flat.instruction_constant(k).hex()
-        entering[k] = [flat.n_in(), constants.setdefault(value, len(constants))]
-    pairs = [np.array([(one[0], one[-1]) for one in of], dtype=np.int32) for of in (entering, leaving)]
-    return np.array(kinds, dtype=np.int32), pairs[0], pairs[1], [float.fromhex(each) for each in constants]
 
 
 def _written(function: Any) -> int:
@@ -170,10 +152,6 @@ def _written(function: Any) -> int:
     return sum(
         each.n_instructions() for each in (function, *called) if each.class_name() in ("SXFunction", "MXFunction")
     )
-
-
-def _pointer(values: NDArray[Any]) -> ctypes.c_void_p:
-    return ctypes.c_void_p(values.ctypes.data)
 
 
 def pointers(arrays: Sequence[Array]) -> Any:

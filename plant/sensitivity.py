@@ -57,10 +57,9 @@ def step_with_slopes(
         steps, moments = ca.horzcat(*table), along(ca.vertcat(*(each[2:] for each in table)))
         parts.append(ca.Function("stretch", [state, slopes, inputs, parameters], [steps, moments], {"cse": True}))
         divided, time = divided or ca.depends_on(ca.vertcat(*lengths), ca.vertcat(state, parameters)), time + stretch
-    clocked = any(part.nnz_out(1) for part in parts)  # whether the instants of the steps depend on the parameters
 
     held, clock = kind.sym("held", 2), kind.sym("clock", 2)
-    clock_slopes = kind.sym("clock_slopes", ca.Sparsity.dense(2, columns) if clocked else ca.Sparsity(2, columns))
+    clock_slopes = kind.sym("clock_slopes", _moving([part.sparsity_out(1) for part in parts]))
     begun = {"time": clock[0], "length": clock[1]}
     step = Step(command=held[0], rise=held[1], gain=gain, damping=damping, limit=limit, width=width, **begun)
     end = ca.cse(advance(bound, state, step))  # common subexpressions are differentiated once
@@ -93,6 +92,12 @@ def _unless_needless(one: Any) -> Any:
     clock, clock_slopes = given[5:]
     moves = ca.sum2(ca.fabs(ca.densify(clock_slopes[1, :])))
     return ca.Function("step_if_needed", given, branches(ca.logic_or(clock[1] > 0, moves > 0), *given))
+
+
+def _moving(moments: Sequence[Any]) -> Any:
+    """The derivatives by which time or length of any step depends on a parameter; two rows of each are of one step."""
+    ones = ca.vertcat(*(ca.DM(each, 1.0) for each in moments))
+    return sum((ones[row : row + 2, :] for row in range(0, ones.shape[0], 2)), ca.DM(2, ones.shape[1])).sparsity()
 
 
 def _beside(first: Any, columns: int) -> Any:

@@ -13,8 +13,8 @@ ARRANGEMENT = """
 /* Which instruction gave each operand: `value` has one number for each cell of CasADi's memory. Results are numbered
    after the `given` values, in the order of the code. Returns how many instructions there are beside inputs, constants
    and outputs. */
-static int written_once(
-    int n, const int* kinds, const int* entering, const int* leaving, const int* input, const int* output, int given,
+EXPORT int list_instructions(
+    int n, int given, const int* kinds, const int* entering, const int* leaving, const int* input, const int* output,
     int* value, int* kind, int* a, int* b, int* outputs) {
   int k, m = 0;
   for (k = 0; k < n; ++k, entering += 2, leaving += 2) {
@@ -29,16 +29,14 @@ static int written_once(
 }
 
 EXPORT int arrange_tape(
-    int n, const int* kinds, const int* entering, const int* leaving, int cells, const int* input, const int* output,
-    int given, int moving, int shared, int seen, int* outputs, int* first, int* second, int* results, int* group_kinds,
-    int* group_counts, int* sizes) {
-  int k, m, i, part, done = 0, groups = 0, once = 0, still = 0;
-  int* all = calloc((size_t) cells + 11 * (size_t) n + 4 * KINDS + 4, sizeof(int));
+    int m, const int* kind, const int* a, const int* b, int given, int moving, int shared, int seen, int* outputs,
+    int* first, int* second, int* results, int* group_kinds, int* group_counts, int* sizes) {
+  int k, i, part, done = 0, groups = 0, once = 0, still = 0;
+  int* all = calloc(8 * (size_t) m + 4 * KINDS + 4, sizeof(int));
   if (!all) return 1;
-  int *value = all, *kind = value + cells, *a = kind + n, *b = a + n, *moved = b + n, *missing = moved + n;
-  int *users = missing + n, *queue = users + 2 * n, *turn = queue + n, *order = turn + n, *from = order + n;
-  int *begun = from + n + 1, *head = begun + KINDS + 1, *tail = head + KINDS, *last = queue, *free_cells = users;
-  m = written_once(n, kinds, entering, leaving, input, output, given, value, kind, a, b, outputs);
+  int *moved = all, *missing = moved + m, *users = missing + m, *queue = users + 2 * m, *turn = queue + m;
+  int *order = turn + m, *from = order + m, *begun = from + m + 1, *head = begun + KINDS + 1, *tail = head + KINDS;
+  int *last = queue, *free_cells = users;
   for (k = 0; k < m; ++k) {  /* users of each result: those of result k begin at from[k] */
     moved[k] = a[k] < moving || b[k] < moving;
     if (a[k] >= given) { moved[k] |= moved[a[k] - given]; ++from[a[k] - given + 1]; ++missing[k]; }
@@ -72,7 +70,7 @@ EXPORT int arrange_tape(
     }
     if (!part) { once = groups; still = done; }
   }
-  sizes[0] = m; sizes[1] = groups; sizes[2] = once;
+  sizes[0] = groups; sizes[1] = once;
   if (!shared) for (k = 0; k < m; ++k) results[k] = given + k;
   else {  /* a place that is needed no more is taken over: `last` use of each result, and a stack of free places */
     int free_ones = 0, used = 0;

@@ -113,8 +113,8 @@ _SECONDS = "const double y = ys[l]; "
 
 @lru_cache(maxsize=1)
 def known() -> frozenset[int]:
-    """CasADi's numbers of the instructions that a tape can have."""
-    return frozenset(getattr(ca, f"OP_{name}") for name in (*_OF_ONE, *_OF_TWO, *_NO_OPERATION))
+    """CasADi's numbers of the operations that the loops can execute."""
+    return frozenset(getattr(ca, f"OP_{name}") for name in (*_OF_ONE, *_OF_TWO))
 
 
 def loops() -> ctypes.CDLL | None:

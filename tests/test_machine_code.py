@@ -181,6 +181,33 @@ def test_what_no_row_moves_is_worked_out_once() -> None:
     assert held[0] == pytest.approx(0.5 + factor * 10.0, rel=1e-14)
 
 
+@with_compiler
+@pytest.mark.parametrize("joined", [False, True], ids=["only selected", "also joined"])
+def test_what_is_called_is_written_out(joined: bool) -> None:
+    """Calls of calls, with selected elements, matrices with zeros, constants and results that nobody takes."""
+    x, scale = ca.SX.sym("x", 3), ca.SX.sym("scale", ca.Sparsity.diag(2))
+    inner = ca.Function("inner", [x, scale], [ca.vertcat(ca.sin(x[0] * x[1]), x[2] / 3.0), x**2, ca.cos(x[1])])
+    assert inner.nnz_in(1) == 2
+    flipped = ca.Function("flipped", [x, scale], [ca.vertcat(x[2], scale[0, 0] - x[0], 0.25), scale[1, 1] * x])
+    y, z = ca.MX.sym("y", 3), ca.MX.sym("z", 2, 2)
+    _, squares, _ = inner(y, z)
+    turned, _ = flipped(squares[[2, 0, 1]], ca.MX.eye(2))
+    middle = ca.Function("middle", [y, z], [turned, flipped(turned, z)[1]])
+    row, constant = ca.MX.sym("row", 3), ca.MX.sym("constant", 2, 2)
+    one, other = middle(row, constant)
+    two, other = middle(other, ca.MX(2, 2)) if not joined else middle(ca.vertcat(one[:2], row[0]), constant)
+    function = ca.Function("whole", [row, constant], [one, inner(two, constant)[0], row, other])
+    tape = InstructionTape.of(function, 0)
+    assert tape is not None
+    numbers, shown = np.random.default_rng(3).normal(size=(ROWS, 3)), [np.empty((ROWS, n)) for n in tape.shown]
+    values = np.array([[0.7, 9.0], [9.0, -1.3]])
+    assert tape.follow([], numbers, [values.ravel(order="F")], shown)
+    expected = function.map(ROWS)(numbers.T, np.tile(values, ROWS))
+    for found, wanted in zip(shown, expected, strict=True):
+        np.testing.assert_array_equal(found, np.array(wanted).T)
+
+
+@with_compiler
 def test_what_is_called_several_times_is_written_once() -> None:
     x, z = ca.SX.sym("x"), ca.MX.sym("z")
     once = ca.Function("once", [x], [ca.sin(ca.cos(x) + x)])

@@ -1,0 +1,158 @@
+"""The instructions of a CasADi function, with the functions that it calls written out.
+
+CasADi can write the calls out itself, but a function that is called at each integration step would then be read as
+often, and reading an instruction takes as long as executing it thousands of times. Here each function is read once.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Self, TypeAlias
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Places: TypeAlias = NDArray[np.int32]
+_READ = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_CALL, ca.OP_GETNONZEROS, ca.OP_PROJECT)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InstructionListing:
+    """Instructions on numbered values: all inputs, then the constants, then one result of each instruction.
+
+    Attributes:
+        inputs, shown: number of elements of each input and output.
+        constants: operands of the instructions.
+        kinds: (M,) CasADi's numbers of the operations.
+        first, second: (M,) the operands of each.
+        outputs: values of the elements of all outputs.
+    """
+
+    inputs: tuple[int, ...]
+    shown: tuple[int, ...]
+    constants: tuple[float, ...]
+    kinds: Places
+    first: Places
+    second: Places
+    outputs: Places
+
+    @classmethod
+    def of(cls, function: Any, library: ctypes.CDLL) -> Self:
+        """List the instructions of a function that is dense in all inputs and outputs."""
+        return cls._listed(function, library, {})
+
+    @classmethod
+    def _listed(cls, function: Any, library: ctypes.CDLL, known: dict[int, Self]) -> Self:
+        key = function.__hash__()
+        if key not in known:
+            if function.is_a("SXFunction"):
+                known[key] = cls._read(function, library)
+            elif function.is_a("MXFunction") and {*_kinds(function)}.issubset(_READ):
+                known[key] = cls._joined(function, library, known)
+            else:
+                known[key] = cls._read(function.expand(), library)
+        return known[key]
+
+    @classmethod
+    def _read(cls, flat: Any, library: ctypes.CDLL) -> Self:
+        """Read a function without calls."""
+        inputs, shown = _sizes(flat)
+        every, numbers = range(flat.n_instructions()), dict[str, int]()
+        kinds = np.array(_kinds(flat), dtype=np.int32)
+        # Cells of CasADi's memory; of inputs and outputs place and element; of constants a place after all inputs.
+        entering, leaving = ([of(k) for k in every] for of in (flat.instruction_input, flat.instruction_output))
+        for k in np.flatnonzero(kinds == ca.OP_CONST).tolist():
+            value = flat.instruction_constant(k).hex()
+            entering[k] = [len(inputs), numbers.setdefault(value, len(numbers))]
+        cells = [np.array([(one[0], one[-1]) for one in of], dtype=np.int32) for of in (entering, leaving)]
+        begins, ends = (np.cumsum([0, *sizes], dtype=np.int32) for sizes in (inputs, shown))
+        own = np.empty((3, kinds.size), dtype=np.int32)
+        outputs, memory = np.empty(sum(shown), dtype=np.int32), np.empty(max(flat.sz_w(), 1), dtype=np.int32)
+        arrays = (*cells, begins, ends, memory, *own, outputs)
+        written = library.list_instructions(
+            kinds.size, sum(inputs) + len(numbers), pointer(kinds), *map(pointer, arrays)
+        )
+        kind, first, second = own[:, :written].copy()
+        constants = tuple(map(float.fromhex, numbers))
+        return cls(
+            inputs=inputs, shown=shown, constants=constants, kinds=kind, first=first, second=second, outputs=outputs
+        )
+
+    @classmethod
+    def _joined(cls, function: Any, library: ctypes.CDLL, known: dict[int, Self]) -> Self:
+        """Join the listings of the functions that a function calls."""
+        inputs, shown = _sizes(function)
+        begins, constants, written = np.cumsum([0, *inputs]).tolist(), dict[str, int](), 0
+        cells: dict[int, Places] = {}
+        parts, outputs = list[tuple[Places, Places, Places]](), [np.empty(0, dtype=np.int32)] * len(shown)
+
+        def numbered(values: Iterable[float]) -> list[int]:  # below zero until all constants are known
+            return [-1 - constants.setdefault(float(value).hex(), len(constants)) for value in values]
+
+        for k, kind in enumerate(_kinds(function)):
+            taken, given = function.instruction_input(k), function.instruction_output(k)
+            if kind == ca.OP_INPUT:
+                cells[given[0]] = begins[taken[0]] + np.arange(inputs[taken[0]])
+            elif kind == ca.OP_OUTPUT:
+                outputs[given[0]] = cells[taken[0]]
+            elif kind == ca.OP_CALL:
+                called = cls._listed(function.instruction_MX(k).which_function(), library, known)
+                own = begins[-1] + written + np.arange(called.kinds.size)
+                there = np.concatenate([*(cells[each] for each in taken if each >= 0), numbered(called.constants), own])
+                there = there.astype(np.int64)
+                parts.append((called.kinds, there[called.first], there[called.second]))
+                written += called.kinds.size
+                for place, values in zip(given, np.split(called.outputs, np.cumsum(called.shown)[:-1]), strict=True):
+                    cells[place] = there[values]
+            else:
+                node = function.instruction_MX(k)
+                if kind == ca.OP_CONST:
+                    cells[given[0]] = np.array(numbered(node.to_DM().nonzeros()), dtype=np.int64)
+                else:
+                    before = cells[taken[0]]
+                    padded = np.concatenate((before, numbered([0.0])))
+                    cells[given[0]] = padded[_taken(node, kind)]
+        shift = begins[-1]
+
+        def final(values: NDArray[Any]) -> Places:
+            moved: NDArray[Any] = np.where(values < 0, shift - 1 - values, values + len(constants) * (values >= shift))
+            return moved.astype(np.int32)
+
+        kinds, first, second = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return cls(
+            inputs=inputs,
+            shown=shown,
+            constants=tuple(map(float.fromhex, constants)),
+            kinds=kinds,
+            first=final(first),
+            second=final(second),
+            outputs=final(np.concatenate(outputs)),
+        )
+
+
+def _taken(node: Any, kind: int) -> NDArray[Any]:
+    """Which elements of its operand a selection takes; -1 is a zero."""
+    if kind == ca.OP_GETNONZEROS:
+        return np.array(node.mapping(), dtype=np.int64).ravel()
+    before = node.dep(0).sparsity()
+    numbers = ca.DM(before, np.arange(1.0, before.nnz() + 1.0))
+    return np.array(ca.project(numbers, node.sparsity()).nonzeros(), dtype=np.int64) - 1
+
+
+def _kinds(function: Any) -> list[int]:
+    return [function.instruction_id(k) for k in range(function.n_instructions())]
+
+
+def _sizes(function: Any) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    return (
+        tuple(function.nnz_in(place) for place in range(function.n_in())),
+        tuple(function.nnz_out(place) for place in range(function.n_out())),
+    )
+
+
+def pointer(values: NDArray[Any]) -> ctypes.c_void_p:
+    """The data pointer of an array, as C needs it."""
+    return ctypes.c_void_p(values.ctypes.data)
