@@ -136,7 +136,7 @@ class InstructionListing:
 def _taken(node: Any, kind: int) -> NDArray[Any]:
     """Which elements of its operand a selection takes; -1 is a zero."""
     if kind == ca.OP_GETNONZEROS:
-        return np.array(node.mapping(), dtype=np.int64).ravel()
+        return np.array(node.mapping().nonzeros(), dtype=np.int64)
     before = node.dep(0).sparsity()
     numbers = ca.DM(before, np.arange(1.0, before.nnz() + 1.0))
     return np.array(ca.project(numbers, node.sparsity()).nonzeros(), dtype=np.int64) - 1

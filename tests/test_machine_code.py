@@ -21,7 +21,7 @@ import pytest
 from identification import observer_steps
 from plant import ServoModel, file_cache, machine_code, tape_loops
 from plant.discrete import Structure
-from plant.effects import Compliance, StribeckFriction
+from plant.effects import ActuatorLag, Compliance, InputDelay, StribeckFriction
 from plant.effects.effect import Array
 from plant.instruction_tape import InstructionTape
 from plant.recursion import CHUNK, Recursion
@@ -72,8 +72,13 @@ def is_right(recursion: Recursion, factor: float = 1.0) -> bool:
 @with_compiler
 @pytest.mark.parametrize(
     "effect",
-    [StribeckFriction(coulomb=0.1, excess=0.1, velocity=0.3), Compliance(frequency=80.0, damping=0.1, motor_share=0.3)],
-    ids=["one integration step", "several"],
+    [
+        StribeckFriction(coulomb=0.1, excess=0.1, velocity=0.3),
+        Compliance(frequency=80.0, damping=0.1, motor_share=0.3),
+        ActuatorLag(time_constant=0.0007),
+        InputDelay(time=0.003),
+    ],
+    ids=["one integration step", "several", "at instants of a parameter", "in two parts"],
 )
 def test_all_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.MonkeyPatch) -> None:
     model = ServoModel.paper().with_effect(effect)
@@ -194,7 +199,7 @@ def test_what_is_called_is_written_out(joined: bool) -> None:
     turned, _ = flipped(squares[[2, 0, 1]], ca.MX.eye(2))
     middle = ca.Function("middle", [y, z], [turned, flipped(turned, z)[1]])
     row, constant = ca.MX.sym("row", 3), ca.MX.sym("constant", 2, 2)
-    one, other = middle(row, constant)
+    one, other = middle(row, constant[:, [0, 1]])
     two, other = middle(other, ca.MX(2, 2)) if not joined else middle(ca.vertcat(one[:2], row[0]), constant)
     function = ca.Function("whole", [row, constant], [one, inner(two, constant)[0], row, other])
     tape = InstructionTape.of(function, 0)
