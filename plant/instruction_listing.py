@@ -85,21 +85,25 @@ class InstructionListing:
     def _joined(cls, function: Any, library: ctypes.CDLL, known: dict[int, Self]) -> Self:
         """Join the listings of the functions that a function calls."""
         inputs, shown = _sizes(function)
-        begins, constants, written = np.cumsum([0, *inputs]).tolist(), dict[str, int](), 0
+        begins, ends = (np.cumsum([0, *sizes]).tolist() for sizes in (inputs, shown))
+        constants, written = dict[str, int](), 0
         cells: dict[int, Places] = {}
-        parts, outputs = list[tuple[Places, Places, Places]](), [np.empty(0, dtype=np.int32)] * len(shown)
+        nothing = np.empty(0, dtype=np.int32)
+        parts, outputs = [(nothing, nothing, nothing)], np.empty(ends[-1], dtype=np.int64)
 
         def numbered(values: Iterable[float]) -> list[int]:  # below zero until all constants are known
             return [-1 - constants.setdefault(float(value).hex(), len(constants)) for value in values]
 
         for k, kind in enumerate(_kinds(function)):
             taken, given = function.instruction_input(k), function.instruction_output(k)
+            node = function.instruction_MX(k)
             if kind == ca.OP_INPUT:
-                cells[given[0]] = begins[taken[0]] + np.arange(inputs[taken[0]])
+                cells[given[0]] = begins[taken[0]] + node.info()["offset"] + np.arange(node.nnz())
             elif kind == ca.OP_OUTPUT:
-                outputs[given[0]] = cells[taken[0]]
+                values, begin = cells[taken[0]], ends[given[0]] + node.info()["offset"]
+                outputs[begin : begin + len(values)] = values
             elif kind == ca.OP_CALL:
-                called = cls._listed(function.instruction_MX(k).which_function(), library, known)
+                called = cls._listed(node.which_function(), library, known)
                 own = begins[-1] + written + np.arange(called.kinds.size)
                 there = np.concatenate([*(cells[each] for each in taken if each >= 0), numbered(called.constants), own])
                 there = there.astype(np.int64)
@@ -107,14 +111,10 @@ class InstructionListing:
                 written += called.kinds.size
                 for place, values in zip(given, np.split(called.outputs, np.cumsum(called.shown)[:-1]), strict=True):
                     cells[place] = there[values]
+            elif kind == ca.OP_CONST:
+                cells[given[0]] = np.array(numbered(node.to_DM().nonzeros()), dtype=np.int64)
             else:
-                node = function.instruction_MX(k)
-                if kind == ca.OP_CONST:
-                    cells[given[0]] = np.array(numbered(node.to_DM().nonzeros()), dtype=np.int64)
-                else:
-                    before = cells[taken[0]]
-                    padded = np.concatenate((before, numbered([0.0])))
-                    cells[given[0]] = padded[_taken(node, kind)]
+                cells[given[0]] = np.concatenate((cells[taken[0]], numbered([0.0])))[_taken(node, kind)]
         shift = begins[-1]
 
         def final(values: NDArray[Any]) -> Places:
@@ -129,7 +129,7 @@ class InstructionListing:
             kinds=kinds,
             first=final(first),
             second=final(second),
-            outputs=final(np.concatenate(outputs)),
+            outputs=final(outputs),
         )
 
 

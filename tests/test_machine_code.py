@@ -198,7 +198,7 @@ def test_what_is_called_is_written_out(joined: bool) -> None:
     _, squares, _ = inner(y, z)
     turned, _ = flipped(squares[[2, 0, 1]], ca.MX.eye(2))
     middle = ca.Function("middle", [y, z], [turned, flipped(turned, z)[1]])
-    row, constant = ca.MX.sym("row", 3), ca.MX.sym("constant", 2, 2)
+    row, constant = ca.vertcat(ca.MX.sym("first"), ca.MX.sym("others", 2)), ca.MX.sym("constant", 2, 2)
     one, other = middle(row, constant[:, [0, 1]])
     two, other = middle(other, ca.MX(2, 2)) if not joined else middle(ca.vertcat(one[:2], row[0]), constant)
     function = ca.Function("whole", [row, constant], [one, inner(two, constant)[0], row, other])
