@@ -56,7 +56,8 @@ def step_with_slopes(
             now = now[0] + length * rise(bound, inputs), now[1] + length
         steps, moments = ca.horzcat(*table), along(ca.vertcat(*(each[2:] for each in table)))
         parts.append(ca.Function("stretch", [state, slopes, inputs, parameters], [steps, moments], {"cse": True}))
-        divided, time = divided or ca.depends_on(ca.vertcat(*lengths), ca.vertcat(state, parameters)), time + stretch
+        divided = divided or ca.depends_on(ca.vertcat(*lengths), ca.vertcat(state, parameters))
+        time = time + stretch
 
     held, clock = kind.sym("held", 2), kind.sym("clock", 2)
     clock_slopes = kind.sym("clock_slopes", _moving([part.sparsity_out(1) for part in parts]))
@@ -76,9 +77,9 @@ def step_with_slopes(
     for part in parts:
         steps, moments = part(end, after, inputs, parameters)
         for column in range(steps.shape[1]):
-            torque, instant = steps[:2, column], steps[2:, column]
-            by = moments[2 * column : 2 * column + 2, :]
-            end, after = one(end, after, inputs, parameters, torque, instant, by)
+            torque, moment = steps[:2, column], steps[2:, column]
+            moment_slopes = moments[2 * column : 2 * column + 2, :]
+            end, after = one(end, after, inputs, parameters, torque, moment, moment_slopes)
     return ca.Function("step_with_slopes", [state, slopes, inputs, parameters], [end, after])
 
 
