@@ -60,7 +60,10 @@ class InstructionTape:
     @classmethod
     @one_at_a_time
     def of(cls, function: Any, carried: int) -> InstructionTape | None:
-        """Convert a function that is dense in all inputs and outputs; None if the loop lacks one of its operations."""
+        """Convert a function that is dense in all inputs and outputs.
+
+        None without a compiled loop, or if that lacks one of the operations.
+        """
         library = loops()
         if library is None:
             return None
