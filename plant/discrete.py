@@ -200,7 +200,7 @@ def division(
     late = length - early
     first = ca.fmax(needed(early), least) if substeps > least else least
     last = ca.fmax(needed(late), 1) if substeps > 1 else 1
-    # Neither both counts rounded up nor `least` and all of the rest are more than `substeps + least`.
+    # There is room for all: two counts rounded up exceed `substeps` by one at most, and `first` may be `least` instead.
     late_ones = [ca.if_else(place < first + last, late / last, 0) for place in range(substeps + least)]
     return [ca.if_else(place < first, early / first, each) for place, each in enumerate(late_ones)]
 

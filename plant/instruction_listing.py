@@ -15,6 +15,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.tape_loops import pointer
+
 Places: TypeAlias = NDArray[np.int32]
 _READ = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_CALL, ca.OP_GETNONZEROS, ca.OP_PROJECT)
 
@@ -87,8 +89,8 @@ class InstructionListing:
         inputs, shown = _sizes(function)
         begins, ends = (np.cumsum([0, *sizes]).tolist() for sizes in (inputs, shown))
         constants, written = dict[str, int](), 0
-        cells: dict[int, Places] = {}
-        nothing = np.empty(0, dtype=np.int32)
+        cells = dict[int, Any]()
+        nothing: NDArray[Any] = np.empty(0, dtype=np.int64)
         parts, outputs = [(nothing, nothing, nothing)], np.empty(ends[-1], dtype=np.int64)
 
         def numbered(values: Iterable[float]) -> list[int]:  # below zero until all constants are known
@@ -105,8 +107,9 @@ class InstructionListing:
             elif kind == ca.OP_CALL:
                 called = cls._listed(node.which_function(), library, known)
                 own = begins[-1] + written + np.arange(called.kinds.size)
-                there = np.concatenate([*(cells[each] for each in taken if each >= 0), numbered(called.constants), own])
-                there = there.astype(np.int64)
+                passed = zip(taken, called.inputs, strict=True)  # an argument that is left out is zero
+                handed = [cells[each] if each >= 0 else numbered([0.0] * size) for each, size in passed]
+                there = np.concatenate([*handed, numbered(called.constants), own]).astype(np.int64)
                 parts.append((called.kinds, there[called.first], there[called.second]))
                 written += called.kinds.size
                 for place, values in zip(given, np.split(called.outputs, np.cumsum(called.shown)[:-1]), strict=True):
@@ -126,7 +129,7 @@ class InstructionListing:
             inputs=inputs,
             shown=shown,
             constants=tuple(map(float.fromhex, constants)),
-            kinds=kinds,
+            kinds=kinds.astype(np.int32),
             first=final(first),
             second=final(second),
             outputs=final(outputs),
@@ -151,8 +154,3 @@ def _sizes(function: Any) -> tuple[tuple[int, ...], tuple[int, ...]]:
         tuple(function.nnz_in(place) for place in range(function.n_in())),
         tuple(function.nnz_out(place) for place in range(function.n_out())),
     )
-
-
-def pointer(values: NDArray[Any]) -> ctypes.c_void_p:
-    """The data pointer of an array, as C needs it."""
-    return ctypes.c_void_p(values.ctypes.data)

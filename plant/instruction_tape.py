@@ -11,7 +11,6 @@ computed before them.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from io import BytesIO
@@ -20,9 +19,9 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.instruction_listing import InstructionListing, Places, pointer
+from plant.instruction_listing import InstructionListing, Places
 from plant.symbolic import one_at_a_time
-from plant.tape_loops import LANES, known, loops
+from plant.tape_loops import LANES, known, loops, pointer, pointers
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -155,8 +154,3 @@ def _written(function: Any) -> int:
     return sum(
         each.n_instructions() for each in (function, *called) if each.class_name() in ("SXFunction", "MXFunction")
     )
-
-
-def pointers(arrays: Sequence[Array]) -> Any:
-    """The data pointers of arrays, as C needs them."""
-    return (ctypes.c_void_p * (len(arrays) + 1))(*(values.ctypes.data for values in arrays))

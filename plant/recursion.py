@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant import file_cache
-from plant.instruction_tape import InstructionTape, pointers
+from plant.instruction_tape import InstructionTape
 from plant.machine_code import MachineCode
 from plant.symbolic import one_at_a_time
+from plant.tape_loops import pointers
 
 Array: TypeAlias = NDArray[np.float64]
 CHUNK = 250  # rows per call of the virtual machine

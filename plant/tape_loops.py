@@ -8,9 +8,12 @@ computes several at once, and looks up each instruction once for all of them.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
+from numpy.typing import NDArray
 
 from plant.machine_code import MachineCode
 from plant.tape_arrangement import ARRANGEMENT
@@ -122,6 +125,16 @@ def loops() -> ctypes.CDLL | None:
     code = _code()
     code.wait()
     return code.library
+
+
+def pointer(values: NDArray[Any]) -> ctypes.c_void_p:
+    """The data pointer of an array, as C needs it."""
+    return ctypes.c_void_p(values.ctypes.data)
+
+
+def pointers(arrays: Sequence[NDArray[Any]]) -> Any:
+    """The data pointers of arrays, as C needs them."""
+    return (ctypes.c_void_p * (len(arrays) + 1))(*(values.ctypes.data for values in arrays))
 
 
 @lru_cache(maxsize=1)

@@ -23,6 +23,7 @@ from plant import ServoModel, file_cache, machine_code, tape_loops
 from plant.discrete import Structure
 from plant.effects import ActuatorLag, Compliance, InputDelay, StribeckFriction
 from plant.effects.effect import Array
+from plant.instruction_listing import InstructionListing
 from plant.instruction_tape import InstructionTape
 from plant.recursion import CHUNK, Recursion
 from plant.symbolic import one_at_a_time
@@ -187,8 +188,8 @@ def test_what_no_row_moves_is_worked_out_once() -> None:
 
 
 @with_compiler
-@pytest.mark.parametrize("joined", [False, True], ids=["only selected", "also joined"])
-def test_what_is_called_is_written_out(joined: bool) -> None:
+@pytest.mark.parametrize("form", ["only selected", "also joined", "from pieces"])
+def test_what_is_called_is_written_out(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Calls of calls, with selected elements, matrices with zeros, constants and results that nobody takes."""
     x, scale = ca.SX.sym("x", 3), ca.SX.sym("scale", ca.Sparsity.diag(2))
     inner = ca.Function("inner", [x, scale], [ca.vertcat(ca.sin(x[0] * x[1]), x[2] / 3.0), x**2, ca.cos(x[1])])
@@ -198,12 +199,21 @@ def test_what_is_called_is_written_out(joined: bool) -> None:
     _, squares, _ = inner(y, z)
     turned, _ = flipped(squares[[2, 0, 1]], ca.MX.eye(2))
     middle = ca.Function("middle", [y, z], [turned, flipped(turned, z)[1]])
-    row, constant = ca.vertcat(ca.MX.sym("first"), ca.MX.sym("others", 2)), ca.MX.sym("constant", 2, 2)
+    row, constant, pieces = ca.MX.sym("row", 3), ca.MX.sym("constant", 2, 2), (ca.MX.sym("a"), ca.MX.sym("b", 2))
     one, other = middle(row, constant[:, [0, 1]])
-    two, other = middle(other, ca.MX(2, 2)) if not joined else middle(ca.vertcat(one[:2], row[0]), constant)
-    function = ca.Function("whole", [row, constant], [one, inner(two, constant)[0], row, other])
+    two, other = middle(ca.vertcat(one[:2], row[0]), constant) if form == "also joined" else middle(other, ca.MX(2, 2))
+    shown, given = [one, inner(two, constant)[0], row, other], [row, constant]
+    if form == "from pieces":
+        u, v = ca.SX.sym("u"), ca.SX.sym("v", 2)
+        times = ca.Function("times", [u, v], [u**2, v * u])
+        shown, given = [ca.vertcat(*times(*pieces)), pieces[1]], [ca.vertcat(*pieces), constant]
+    function = ca.Function("whole", given, shown)
+    expanded = list[str]()
+    read = InstructionListing._read
+    monkeypatch.setattr(InstructionListing, "_read", lambda flat, c: expanded.append(flat.name()) or read(flat, c))
     tape = InstructionTape.of(function, 0)
     assert tape is not None
+    assert ("whole" in expanded) == (form == "also joined")  # where there is an operation of matrices
     numbers, shown = np.random.default_rng(3).normal(size=(ROWS, 3)), [np.empty((ROWS, n)) for n in tape.shown]
     values = np.array([[0.7, 9.0], [9.0, -1.3]])
     assert tape.follow([], numbers, [values.ravel(order="F")], shown)

@@ -21,6 +21,8 @@ MODELS = {
     "with memory on the load": ("presliding_hysteresis",),
     "with memory in the sensor": ("coulomb_friction", "sensor_lag"),
     "with a clock": ("payload_change",),
+    "with a clock, stiff, split by a delay": ("input_delay", "periodic_disturbance", "compliance"),
+    "with a measured torque that rises, stiff": ("torque_measurement_lag", "compliance"),
 }
 
 
