@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.checks.check import check, excited
+from identification.checks.sign import sign_of_the_command
 from identification.checks.standstill_at_ends import cut_standstill
 from identification.errors import MalformedLog
 from identification.recording import Finding, Recording
@@ -41,6 +42,7 @@ def checked_runs(recordings: Iterable[Recording]) -> Checked:
         parts, found = check(recording)
         usable += parts
         findings += found
+    findings += sign_of_the_command(usable)
     if not usable:
         short = [finding.text for finding in findings if finding.kind == "too short"]
         raise MalformedLog(short[0].replace("left out, as ", "") + "." if short else "the log holds no runs.")

@@ -335,6 +335,40 @@ def test_a_torque_of_the_other_sign(clean, name):
     only(Log.from_arrays(**spoilt).faults, "accelerates against", "--scale torque=-1 turns it")
 
 
+def motor_on_current_steps(levels):
+    """A free motor at a constant current in each run; the current loop gives way to the cogging, as real ones do."""
+    time = 0.001 * np.arange(1000)
+    runs = []
+    for level in levels:
+        speed, angle, current, angles = 0.0, 0.0, [], []
+        for _ in time:
+            cogging = 0.3 * np.sin(12 * angle) - 0.2 * np.sign(speed)
+            current.append(level - 0.5 * cogging)
+            speed += 0.001 * (level + cogging - 0.02 * speed) / 0.02
+            angle += 0.001 * speed
+            angles.append(angle)
+        runs.append({"time": time, "current": np.array(current), "angle": np.array(angles)})
+    return {key: np.concatenate([run[key] for run in runs]) for key in runs[0]} | {
+        "run": np.repeat(np.arange(len(levels)), time.size)
+    }
+
+
+@pytest.mark.parametrize("levels", [[0.6], [-0.7], [0.6, 0.8, 1.0, 1.2, -0.7, -0.9, -1.1]])
+def test_a_current_that_gives_way_to_cogging_is_no_wrong_sign(levels):
+    """Nothing but cogging changes within a run, and the current falls where the load speeds up."""
+    log = Log.from_arrays(**motor_on_current_steps(levels))
+    assert log.faults == ()
+    assert not any("opposes" in text for text in log.warnings)
+
+
+def test_a_wrong_sign_in_several_runs_is_told_once(clean):
+    spoilt = clean("open loop")
+    spoilt["torque"] = -spoilt["torque"]
+    half = spoilt["time"].size // 2
+    spoilt["run"] = np.repeat([1, 2], [half, spoilt["time"].size - half])
+    only(Log.from_arrays(**spoilt).faults, "the 2 runs together", "--scale torque=-1 turns it")
+
+
 def test_a_loop_that_holds_against_a_load_is_no_wrong_sign():
     """There the torque answers the motion, so the load does turn against it."""
     push = load_fluctuation(1, 2.0, (3000, 1), correlation_time=0.3)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.checks.faults import find_wraps, quantum
-from identification.checks.sign import SURE, student, undisputed, views
+from identification.checks.filtered_motion import SURE, student, undisputed, views
 from identification.recording import Array, Finding, Recording
 
 FASTEST_LOAD = 1000.0  # [rad/s], 9550 rpm on the load's side

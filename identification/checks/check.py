@@ -19,7 +19,6 @@ from identification.checks.missing import bridge, fill_command, fill_others, fil
 from identification.checks.plausibility import check_time_unit, check_velocity_unit
 from identification.checks.rates import join_rows, on_output_samples
 from identification.checks.repeats import drop_repeats
-from identification.checks.sign import sign_of_the_command
 from identification.checks.size_alone import size_of_the_command
 from identification.checks.speed_command import speed_for_torque
 from identification.checks.timing import check_time, clock, mask_gaps, split_at_gaps, too_short, trim
@@ -195,7 +194,6 @@ WARNINGS = (
     inconsistent_channels,
     cause_and_effect,
     speed_for_torque,
-    sign_of_the_command,
     size_of_the_command,
 )
 

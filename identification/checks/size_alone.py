@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from identification.checks.sign import views
+from identification.checks.filtered_motion import views
 from identification.recording import Finding, Recording
 
 _FAST, _REST = 0.3, 0.02  # of the 95th percentile of the speed: in motion, at rest

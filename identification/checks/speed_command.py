@@ -14,7 +14,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from identification.checks.sign import SURE, views
+from identification.checks.filtered_motion import SURE, over_runs, views
 from identification.recording import Finding, Recording
 
 _UNITS = {
@@ -40,7 +40,7 @@ def speed_for_torque(recording: Recording) -> Iterable[Finding]:
         left = 1.0 - factor**2 * squares[0] / squares[1]
         units = _UNITS[recording.axis].items()
         unit = next((unit for unit, size in units if abs(abs(factor) / size - 1) < _NEAR), None)
-        taken = left < _EXACT and view.inertia(part.command) < SURE if unit is None else left < _FOLLOWED
+        taken = left < _EXACT and over_runs([view.inertia(part.command)]) < SURE if unit is None else left < _FOLLOWED
         if taken:
             name = recording.name("command")
             possible = "command" in recording.stated or unit is None
