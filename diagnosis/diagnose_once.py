@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.description import better_description, likeliest
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
@@ -81,12 +82,12 @@ def diagnose_once(
     tell("fitting the base model")
     null, doubtful = _base_fit(log, start, known, tell)
     held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
-    sets = explore(null, _shown(log, effects), tell)
+    sets = explore(null, _shown(log, effects), tell, doubtful)
     found = tenable(null, sets.known.values(), held_out)
     while explore_from(sets, found.fit):
         found = tenable(null, sets.known.values(), held_out)
-    if doubtful is not None and not _explains_torque(found.fit):
-        raise Unidentifiable(torque_follows(log) or doubtful)
+    if doubtful is not None and not _explains_torque(likeliest(found.posterior, null)):
+        raise Unidentifiable(torque_follows(log) or f"{_FAILED}{doubtful.failed}")
     tell("fitting non-parametric curves")
     found, final = beside_curves(null, sets.known.values(), found, held_out)
     best, named = found.posterior.best, found.fit
@@ -102,6 +103,10 @@ def diagnose_once(
     alone, most = None, left.share > 0.5  # most of the error remains unexplained
     if judgement.verdict != "unknown" and (not judgement.causes or most):
         alone = only_in_validation(final, held_out)
+    if not found.without and better_description(final, described := likeliest(found.posterior, null), held_out):
+        final = described
+        gain, _, replays = measure_gain(held_out, [null, final])
+        left = remaining(gain, judgement.depends_on)
     beside = best.discrepancy.posterior
     logs = recorded if inverse else (null.log, held_out)
     torque_error = inverse_errors(*logs, null.model, final.model)
@@ -148,24 +153,24 @@ def _shown(log: Log, effects: Mapping[str, type[Effect]]) -> Mapping[str, type[E
 
 def _base_fit(
     log: Log, start: ServoModel, known: PriorKnowledge, tell: Callable[[str], None]
-) -> tuple[Fit, str | None]:
-    """The fit of the base model, and why it is doubtful: it is a starting point that has not converged; else None."""
+) -> tuple[Fit, Fit | None]:
+    """The fit of the base model; if its most likely one has failed, one with a slower observer, and the failed one."""
     null = fit_with_prior(log, start, known, tell, of_the_sensor=True)
     if null.failed is not None:  # with white noise, an observer follows a closed loop for any torque
         null = fit_with_prior(log, start, known, tell)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
-    failed = null.failed
-    if failed is not None and log.response != "torque":  # the base model lacks too much
+    first = null
+    if null.failed is not None and log.response != "torque":  # the base model lacks too much
         null = behind_a_slower_observer(log, start, known) or null
     if null.failed is not None:
         follows = torque_follows(log) if log.response != "torque" else None
         raise Unidentifiable(follows or _FAILED + null.failed)
-    return null, None if failed is None else _FAILED + failed
+    return null, None if null is first else first
 
 
 def _explains_torque(fit: Fit) -> bool:
-    """Whether the torque moves the load of a fitted model, and as much of it as a regression explains."""
+    """Whether the torque moves the load of a fitted model, and half as much of it as a regression explains."""
     if torque_log_likelihood_gain(fit) < DECISIVE:
         return False
     return fit.log.response == "torque" or not explains_less_than_a_regression(fit)

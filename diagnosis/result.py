@@ -182,7 +182,7 @@ class Findings:
         causes: the reported effects, the largest torque first.
         minor: effects that are probable, but smaller than the unexplained part.
         sets: the joint posterior over sets of effects, the most probable first.
-        without: for each effect of the extended model, the fit of that model without the effect.
+        without: for each effect of the leading set, the fit without the effect; empty if none is probable.
         unknown: the unexplained part, by the likelihood of the log.
         rejected: every other candidate effect, the most probable first.
         gain: on held-out runs.
@@ -190,7 +190,8 @@ class Findings:
         unexplained: the validation error that remains with the extended model.
         warnings: faults and limits of the data.
         base: fit of the base model to the estimation runs.
-        extended: fit of the extended model; the same object as `base` when nothing was added.
+        extended: fit of the extended model; the same object as `base` when nothing was added. If no effect is probable,
+            it has those of the set with the most evidence, provided that it predicts no worse with them.
         residual_before, residual_after: residual torque of the base and the extended model, over the estimation runs.
         replays: the held-out runs, measured and simulated.
         whiteness: share of the extended model's innovations that is predictable from their past, 0 if white [-].

@@ -32,6 +32,7 @@ class FittedSets:
         effects: effects of the catalogue that are candidates.
         tell: receives lines on progress.
         families: the same for all sets.
+        doubtful: the most likely fit of the base model if that has failed; then `null` has a slower observer.
         fits: the best fit of each set at each bandwidth.
         proposed: the effects that were proposed in addition to each set.
         held: whether all sets are predicted with the observer that stabilises a chaotic motion.
@@ -43,11 +44,17 @@ class FittedSets:
     effects: Mapping[str, type[Effect]]
     tell: Callable[[str], None]
     families: Families
+    doubtful: Fit | None = None
     fits: dict[tuple[frozenset[str], float], Explanation] = field(default_factory=dict)
     proposed: dict[tuple[frozenset[str], float], list[Proposal]] = field(default_factory=dict)
     held: bool = False
     cached_fits: dict[tuple[Any, ...], Fit] = field(default_factory=dict)
     answered: dict[Fit, Explanation | None] = field(default_factory=dict)
+
+    @property
+    def fastest(self) -> float:
+        """Bandwidth of the fastest observer: the one that the base model needs to follow the log [rad/s]."""
+        return (self.doubtful or self.null).bandwidth
 
     @property
     def known(self) -> dict[frozenset[str], Explanation]:
@@ -137,7 +144,7 @@ class FittedSets:
             return self._continued(fit)
         excluded = catalogue.keys() - self.effects.keys()
         return marginal_likelihood(
-            fit, held, self.families, catalogue=len(self.effects), observer=self.null.bandwidth, excluded=excluded
+            fit, held, self.families, catalogue=len(self.effects), observer=self.fastest, excluded=excluded
         )
 
     def _continued(self, fit: Fit) -> Explanation | None:

@@ -42,15 +42,25 @@ _MOST = 5  # rounds of adding effects, and number of effects in a set from which
 
 @without_blas_threads
 def explore(
-    null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[str], None] | None = None
+    null: Fit,
+    effects: Mapping[str, type[Effect]],
+    progress: Callable[[str], None] | None = None,
+    doubtful: Fit | None = None,
 ) -> FittedSets:
-    """Search the sets of effects beyond a fitted base model."""
+    """Search the sets of effects beyond a fitted base model.
+
+    Args:
+        null: fit of the base model.
+        effects: candidates.
+        progress: called with a line of text at each stage.
+        doubtful: the most likely fit of the base model if that has failed; then `null` has a slower observer.
+    """
     tell = progress or (lambda line: None)
     families = families_along(null)
     if families is None:
         raise Unidentifiable("The motion of the base model grows without bound.")
-    found = FittedSets(null=null, effects=effects, tell=tell, families=families)
-    grid = sorted({0.0, null.bandwidth / STEP**2} - {null.bandwidth})
+    found = FittedSets(null=null, effects=effects, tell=tell, families=families, doubtful=doubtful)
+    grid = sorted({0.0, null.bandwidth / STEP**2, found.fastest} - {null.bandwidth})
     found.add([found.explanation_of(null)])
     found.add(in_threads(lambda bandwidth: found.explanation_of(found.fitted(null, [null.model], bandwidth)), grid))
     if not found.fits:

@@ -24,6 +24,7 @@ from diagnosis.levels import SURE
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
 from diagnosis.verdict import is_uncertain, of_the_measurement
+from plant.effects.nonparametric import unnamed
 
 _LATE = "The torque of this log was measured, and its measurement is late."
 
@@ -121,6 +122,8 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
     if explanation is not None and not diagnosis.causes:
         lines.append(explanation.reasons[0].sentences[0])
     lines += open_sentences(diagnosis)
+    if described := _described(diagnosis):
+        lines.append(f"The extended model has {described}. It predicts better with them; they need not be the causes.")
     gain = diagnosis.gain
     if gain is not None:
         runs = "the validation run" if len(gain.runs) == 1 else f"{len(gain.runs)} validation runs"
@@ -154,6 +157,13 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
         over = f"; it depends on {where}" if where else ""
         lines.append(f"{percent(share, std)} of the error power remains unexplained{over}.")
     return lines
+
+
+def _described(diagnosis: Findings) -> str:
+    """Effects of the extended model where none is named; empty if there are none."""
+    base = {effect.name for effect in diagnosis.base.model.effects}
+    added = [effect.name for effect in diagnosis.extended.model.effects if effect.name not in base | unnamed.keys()]
+    return "" if diagnosis.without else joined_words([title_of(name, diagnosis) for name in added])
 
 
 def _cause(diagnosis: Findings, cause: Cause) -> str:

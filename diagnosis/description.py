@@ -1,0 +1,31 @@
+"""The model that describes a log best, also where none of its effects can be named.
+
+If the unmodelled torque is large, every effect may be a part of it; if several sets explain a log equally well, none
+of them is sure. A model with them still predicts better than one without any.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diagnosis.evidence.posterior import Posterior
+from diagnosis.falsification import predicts_worse
+from diagnosis.refit import settled
+from identification.fit_result import Fit
+from identification.log import Log
+
+
+def likeliest(posterior: Posterior, base: Fit) -> Fit:
+    """The fit of the set with the most evidence, with the observer that it needs without a discrepancy."""
+    first = posterior.sets[0]
+    return settled(first.fit, base.bandwidth) if first.names else base
+
+
+def better_description(fit: Fit, described: Fit, held_out: Log) -> bool:
+    """Whether another model explains a log better than a fit, and predicts validation data no worse.
+
+    Each added parameter costs 1/2 log(samples) (Schwarz 1978).
+    """
+    cost = 0.5 * (len(described.free) - len(fit.free)) * float(np.log(fit.samples))
+    gain = described.log_likelihood - fit.log_likelihood
+    return described is not fit and gain > cost and not predicts_worse(fit, described, held_out)
