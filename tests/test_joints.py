@@ -16,7 +16,7 @@ from test_malformed_logs import check_sentence
 from identification.errors import MalformedLog, MissingColumns
 from identification.log import Log
 from identification.reading.files import read_table
-from identification.reading.joints import select_joint
+from identification.reading.joints import select_joint, with_joints
 from identification.reading.reading_options import Reading
 from identification.reading.table import Table
 from plant.errors import AntidriveError, BadParameter
@@ -346,3 +346,33 @@ def test_a_single_joint_in_a_name_needs_no_choice(tmp_path: Path) -> None:
     rows = [f"{0.01 * k},{np.sin(0.01 * k)},{np.cos(0.01 * k)}" for k in range(500)]
     (tmp_path / "log.csv").write_text("\n".join(["time,elbow_joint_position,elbow_joint_effort", *rows]))
     assert len(Log.read(tmp_path / "log.csv").runs[0]) == 500
+
+
+def numbered(joints):
+    """Columns of robots whose exports count them: Position1 to PositionN, with others of every joint."""
+    table = {"Time": SOUND["time"]}
+    for joint in range(1, joints + 1):
+        table |= {f"Position{joint}": SOUND["angle"], f"Torque{joint}": SOUND["torque"]}
+        table |= {f"PositionCmptd{joint}": SOUND["angle"], f"TorqueCur{joint}": SOUND["torque"]}
+    return Table(name="log.csv", columns=table | {"Bus1": SOUND["time"]}, sha256="")
+
+
+def test_columns_that_end_in_the_number_of_a_joint():
+    """With two, they may be the two motors of one axis."""
+    table = with_joints(numbered(7))
+    assert table.joints == tuple("1234567")
+    with pytest.raises(MalformedLog, match="the log has 7 joints, choose one with --joint NAME: 1, 2, 3"):
+        select_joint(table)
+    chosen = ["Time", "position", "effort", "PositionCmptd", "TorqueCur", "Bus1"]
+    assert list(select_joint(table, "3").columns) == chosen
+    assert with_joints(numbered(2)).joint_of == {}
+    assert with_joints(numbered(3)).joints == tuple("123")
+
+
+def test_of_named_columns_of_a_joint_no_others_are_used(tmp_path):
+    """The angles of joints 1 and 2 were read as those of two motors."""
+    path = tmp_path / "arm.csv"
+    pd.DataFrame(numbered(7).columns).to_csv(path, index=False)
+    log = Log.read(path, mapping={"angle": "Position1", "torque": "TorqueCur1"})
+    assert not any("angle_1" in text for text in (*log.warnings, *log.notes, *log.repairs))
+    assert np.allclose(log.runs[0].output, SOUND["angle"])

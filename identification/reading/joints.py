@@ -19,18 +19,21 @@ _PATH = re.compile(r"(?P<topic>/.*)/(?P<joint>[^/]+)/(?P<quantity>position|veloc
 _LISTED = re.compile(r"(?P<field>.*[./])?(?P<quantity>position|velocity|effort)(?P<place>_?\d+|\[\d+\])")
 _FLAT = re.compile(r"(?P<joint>.+_joint)_(?P<quantity>position|velocity|effort|torque)")  # elbow_joint_position
 _NUMBERED = re.compile(r"(?P<quantity>[A-Za-z]+):(?P<joint>\d+)")  # columns of a matrix, as of an NPZ file
+_COUNTED = re.compile(r"(?P<quantity>.*[A-Za-z])_?(?P<joint>\d+)")  # Position1 to Position7
 _QUANTITIES = {
     **dict.fromkeys(("position", "positions", "q"), "position"),
     **dict.fromkeys(("velocity", "velocities", "qd", "dq"), "velocity"),
     **dict.fromkeys(("effort", "efforts", "torque", "torques", "tau"), "effort"),
 }
+_FEWEST = 3  # joints of counted columns: two of them may be the two motors of one axis
 
 
 def with_joints(table: Table) -> Table:
     """The table with the joints in its column names: `/joint_states/elbow/position`, `field.position0`, `torques:2`."""
     if table.joint_of:
         return table
-    joint_of = _in_paths(table.columns) or _in_names(table.columns, _FLAT) or _in_names(table.columns, _NUMBERED)
+    names = table.columns
+    joint_of = _in_paths(names) or _in_names(names, _FLAT) or _in_names(names, _NUMBERED) or _in_counted(list(names))
     for name in table.columns:
         if found := _LISTED.fullmatch(name):  # rostopic echo -p
             joint = _constant(table.columns.get(f"{found['field'] or ''}name{found['place']}"))
@@ -69,6 +72,24 @@ def _in_names(names: Collection[str], pattern: re.Pattern[str]) -> dict[str, tup
         joints[joint].add(quantity)
     same_names = len({frozenset(each) for each in joints.values()}) == 1
     return joint_of if len(joints) > 1 and same_names and {"position", "effort"} <= set.union(*joints.values()) else {}
+
+
+def _in_counted(names: Collection[str]) -> dict[str, tuple[str, str]]:
+    """The joints in names that end in their number: each with a position and an effort, and whatever else all have."""
+    found = {name: match for name in names if (match := _COUNTED.fullmatch(name))}
+    numbers: dict[str, set[str]] = defaultdict(set)
+    for match in found.values():
+        numbers[match["quantity"]].add(match["joint"])
+    known = {quantity: _QUANTITIES[quantity.lower()] for quantity in numbers if quantity.lower() in _QUANTITIES}
+    if not {"position", "effort"} <= set(known.values()):
+        return {}
+    joints = set.intersection(*(numbers[quantity] for quantity in known))
+    of_all = {quantity for quantity, counted in numbers.items() if joints <= counted}
+    return {
+        name: (match["joint"], known.get(match["quantity"], match["quantity"]))
+        for name, match in found.items()
+        if len(joints) >= _FEWEST and match["joint"] in joints and match["quantity"] in of_all
+    }
 
 
 def select_joint(table: Table, joint: str | None = None, mapped: Collection[str] = ()) -> Table:

@@ -74,7 +74,8 @@ def recognise(table: Table, reading: Reading) -> Recognition:
             continue  # it was that of the files before they were joined
         known.take(column, _named(table, column, wanted), AS_GIVEN)
     _refuse_twice(table, known)
-    left = {name: table.units.get(name, "").strip() for name in table.columns if name not in known.found.values()}
+    taken = {*known.found.values(), *table.joint_of}  # of several joints the user has named the columns
+    left = {name: table.units.get(name, "").strip() for name in table.columns if name not in taken}
     for name in list(left):
         own = _own_name(name)
         if own is None or own in known.found or (own == "position" and _is_angle(known, name, left)):
