@@ -93,7 +93,7 @@ class LogOptions:
             files=tuple(files),
             mapping=pairs("--map", mapping, str, "angle=qm"),
             units=pairs("--unit", units, str, "angle=deg"),
-            scales=pairs("--scale", scales, float, "torque=35.15"),
+            scales=pairs("--scale", scales, _factor, "torque=35.15"),
             holdout=tuple(holdout),
             **given,
         )
@@ -186,6 +186,14 @@ class LogOptions:
             fixed=loaded.fixed,
             inverse=loaded.inverse,
         )
+
+
+def _factor(text: str) -> float:
+    """A number, or the ratio of two: "1/32"."""
+    number, slash, divisor = text.partition("/")
+    if slash and float(divisor) == 0.0:
+        raise ValueError
+    return float(number) / float(divisor) if slash else float(number)
 
 
 def pairs(option: str, given: Sequence[str], convert: Callable[[str], Value], example: str) -> dict[str, Value]:

@@ -174,6 +174,7 @@ CASES: dict[str, tuple[str, str]] = {
     "unknown unit": ("identify log.csv --unit angle=furlong/fortnight/cat --out out", "angle"),
     "wrong kind of unit": ("identify log.csv --unit angle=kg --out out", "kg"),
     "scale is text": ("identify log.csv --scale torque=big --out out", "not a number"),
+    "scale is divided by zero": ("identify log.csv --scale torque=1/0 --out out", "not a number"),
     "scale is zero": ("identify log.csv --scale torque=0 --out out", "torque"),
     "scale is nan": ("identify log.csv --scale torque=nan --out out", "torque"),
     # logs

@@ -87,7 +87,7 @@ def test_mapping_units_and_scales_give_the_same_fit(fitted, log, tmp_path):
     odd.to_csv(tmp_path / "odd.csv", index=False, sep=";", decimal=",")
     base = write_model(tmp_path / "base.json", TRUTH)
     names = ["--map", "time=t", "--map", "torque=i", "--map", "angle=qm"]
-    words = [*names, "--unit", "angle=deg", "--scale", "torque=2.5"]
+    words = [*names, "--unit", "angle=deg", "--scale", "torque=5/2"]
     result = antidrive("identify", tmp_path / "odd.csv", *words, "--base", base, "--out", tmp_path / "out", "--json")
     assert result.code == 0, result.err
     values = read_model(tmp_path / "out" / "model.json").model.values
