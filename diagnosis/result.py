@@ -191,7 +191,7 @@ class Findings:
         warnings: faults and limits of the data.
         base: fit of the base model to the estimation runs.
         extended: fit of the extended model; the same object as `base` when nothing was added. If no effect is probable,
-            it has those of the set with the most evidence, provided that it predicts no worse with them.
+            it has those of the set with the most evidence if it predicts validation data better with them.
         residual_before, residual_after: residual torque of the base and the extended model, over the estimation runs.
         replays: the held-out runs, measured and simulated.
         whiteness: share of the extended model's innovations that is predictable from their past, 0 if white [-].

@@ -123,7 +123,7 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
         lines.append(explanation.reasons[0].sentences[0])
     lines += open_sentences(diagnosis)
     if described := _described(diagnosis):
-        lines.append(f"The extended model has {described}. It predicts better with them; they need not be the causes.")
+        lines.append(f"The extended model has {described}, with which it predicts better; they need not be the causes.")
     gain = diagnosis.gain
     if gain is not None:
         runs = "the validation run" if len(gain.runs) == 1 else f"{len(gain.runs)} validation runs"
