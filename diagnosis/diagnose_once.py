@@ -154,19 +154,34 @@ def _shown(log: Log, effects: Mapping[str, type[Effect]]) -> Mapping[str, type[E
 def _base_fit(
     log: Log, start: ServoModel, known: PriorKnowledge, tell: Callable[[str], None]
 ) -> tuple[Fit, Fit | None]:
-    """The fit of the base model; if its most likely one has failed, one with a slower observer, and the failed one."""
-    null = fit_with_prior(log, start, known, tell, of_the_sensor=True)
-    if null.failed is not None:  # with white noise, an observer follows a closed loop for any torque
-        null = fit_with_prior(log, start, known, tell)
-    if (still := standstill(null)) is not None:
+    """The fit of the base model; and the likeliest one, if that has failed or explains none of the torque.
+
+    Then its observer follows the load whatever the torque is, and the base model is fitted with a slower one.
+    """
+    first = fit_with_prior(log, start, known, tell, of_the_sensor=True)
+    if first.failed is not None:  # with white noise, an observer follows a closed loop for any torque
+        first = fit_with_prior(log, start, known, tell)
+    if (still := standstill(first)) is not None:
         raise Unidentifiable(still)
-    first = null
-    if null.failed is not None and log.response != "torque":  # the base model lacks too much
-        null = behind_a_slower_observer(log, start, known) or null
-    if null.failed is not None:
+    slower = None
+    if log.response != "torque" and (first.failed is not None or unexplained_torque(first) is not None):
+        slower = behind_a_slower_observer(log, start, known, _serves if first.failed is None else _any)
+    if slower is not None:
+        return slower, first
+    if first.failed is not None:
         follows = torque_follows(log) if log.response != "torque" else None
-        raise Unidentifiable(follows or _FAILED + null.failed)
-    return null, None if null is first else first
+        raise Unidentifiable(follows or _FAILED + first.failed)
+    return first, None
+
+
+def _any(fit: Fit) -> bool:
+    """Every fit: none may explain the torque if the base model lacks too much."""
+    return fit.failed is None
+
+
+def _serves(fit: Fit) -> bool:
+    """Whether a model explains a part of the torque that a regression explains."""
+    return unexplained_torque(fit) is None
 
 
 def _explains_torque(fit: Fit) -> bool:

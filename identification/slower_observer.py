@@ -7,6 +7,7 @@ torque matters. It may still explain nothing if it drives another load: a load o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +22,10 @@ from identification.standard_errors import fit_with_errors
 from plant.servo import ServoModel
 
 
-def behind_a_slower_observer(log: Log, model: ServoModel, known: PriorKnowledge) -> Fit | None:
-    """The fit with the fastest observer that leaves a parameter identifiable; None without one.
+def behind_a_slower_observer(
+    log: Log, model: ServoModel, known: PriorKnowledge, serves: Callable[[Fit], bool]
+) -> Fit | None:
+    """The fit with the fastest observer that leaves a parameter identifiable and serves; None without one.
 
     The bandwidth is halved from one over the sample time. The fit is a starting point and need not be converged.
 
@@ -30,6 +33,7 @@ def behind_a_slower_observer(log: Log, model: ServoModel, known: PriorKnowledge)
         log: measured runs.
         model: the starting point.
         known: prior knowledge of the parameters.
+        serves: whether a fit can be used.
     """
     problem = Problem.of(log, model, known=known)
     begun = [model.values, *starting_values(log, model)]
@@ -39,7 +43,7 @@ def behind_a_slower_observer(log: Log, model: ServoModel, known: PriorKnowledge)
         start = min(points, key=lambda point: problem.cost(point, bandwidth, 0.0))
         best = problem.minimise(start, bandwidth, 0.0)
         found = replace(fit_with_errors(problem, bandwidth, best, best.evaluations), converged=True)
-        if found.failed is None:
+        if found.failed is None and serves(found):
             return found
         bandwidth /= 2.0
     return None
