@@ -86,8 +86,9 @@ def diagnose_once(
     found = tenable(null, sets.known.values(), held_out)
     while explore_from(sets, found.fit):
         found = tenable(null, sets.known.values(), held_out)
-    if doubtful is not None and not _explains_torque(likeliest(found.posterior, null)):
-        raise Unidentifiable(torque_follows(log) or f"{_FAILED}{doubtful.failed}")
+    failed = None if doubtful is None else doubtful.failed
+    if failed is not None and not _explains_torque(likeliest(found.posterior, null)):
+        raise Unidentifiable(torque_follows(log) or _FAILED + failed)
     tell("fitting non-parametric curves")
     found, final = beside_curves(null, sets.known.values(), found, held_out)
     best, named = found.posterior.best, found.fit

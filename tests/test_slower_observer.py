@@ -32,6 +32,13 @@ def test_a_log_is_diagnosed_however_much_the_base_model_lacks(seed: int, missing
     assert found.model.viscous_friction == pytest.approx(base["viscous_friction"], rel=0.2)
 
 
+def test_a_base_model_that_explains_no_torque_has_a_slower_observer() -> None:
+    """The likeliest one followed the load with an inertia twenty times that of the machine."""
+    found = diagnose(drawn(106).log, candidates=["torque_offset"], inverse=False)
+    assert found.torque_error.estimation_before < 1.0
+    assert found.verdict == "unknown"
+
+
 def test_a_torque_that_drives_another_load_is_refused() -> None:
     """A spring alone swings as well, so the angle is explained with an inertia that no torque moves."""
     time = 0.005 * np.arange(4000)
