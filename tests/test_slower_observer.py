@@ -32,7 +32,7 @@ def test_a_log_is_diagnosed_however_much_the_base_model_lacks(seed: int, missing
     assert found.model.viscous_friction == pytest.approx(base["viscous_friction"], rel=0.2)
 
 
-def test_a_base_model_that_explains_no_torque_has_a_slower_observer() -> None:
+def test_a_base_model_that_explains_no_torque_starts_slower() -> None:
     """The likeliest one followed the load with an inertia twenty times that of the machine."""
     found = diagnose(drawn(106).log, candidates=["torque_offset"], inverse=False)
     assert found.torque_error.estimation_before < 1.0
