@@ -25,6 +25,11 @@ def test_command_and_package_report_the_project_version():
     assert (result.code, result.out, result.err) == (0, f"antidrive {PROJECT['version']}\n", "")
 
 
+def test_the_package_runs_as_the_command_does():
+    found = subprocess.run([sys.executable, "-m", "antidrive", "--version"], capture_output=True, text=True, check=True)
+    assert (found.stdout, found.stderr) == (f"antidrive {PROJECT['version']}\n", "")
+
+
 def test_the_version_is_known_installed_uninstalled_and_copied(monkeypatch, tmp_path):
     monkeypatch.setattr(version, "version", lambda name: f"{name} of the metadata")
     assert version._found() == "antidrive of the metadata"
