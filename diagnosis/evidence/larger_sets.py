@@ -232,15 +232,13 @@ def with_other_observers(found: FittedSets, best: Explanation) -> Iterator[Expla
     """A set with slower and slower observers, as long as its evidence rises.
 
     No observer is faster than the base model needs: the innovations would be coloured, and the discrepancy would
-    explain the colour. If that observer is so fast that the torque does not matter, the base model has a slower one,
-    and faster ones are also tried, as long as the log-likelihood without discrepancy rises at least as much as the
-    evidence. So they are with a measured torque, which has unpredictable noise, for which one bandwidth is best; then
-    also steps of half the ratio in both directions.
+    explain the colour. A measured torque has unpredictable noise, for which one bandwidth is best. Then faster
+    observers are also tried, as long as the log-likelihood without discrepancy rises at least as much as the evidence,
+    and finally steps of half the ratio in both directions.
     """
     measured = best.fit.model.lead() is not None
     fastest = np.inf if measured else found.fastest
-    ratios = (1.0 / STEP, STEP, STEP**-0.5, STEP**0.5) if measured else (1.0 / STEP, STEP)
-    for ratio in ratios if measured or found.doubtful is not None else (1.0 / STEP,):
+    for ratio in (1.0 / STEP, STEP, STEP**-0.5, STEP**0.5) if measured else (1.0 / STEP,):
         while 0.0 < best.fit.bandwidth * ratio <= fastest:
             moved = _behind(found, best, best.fit.bandwidth * ratio)
             if moved is None or (ratio > 1.0 and _gained(best, moved) < moved.log_marginal - best.log_marginal):
