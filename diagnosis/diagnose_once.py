@@ -186,7 +186,7 @@ def _serves(fit: Fit) -> bool:
 
 
 def _explains_torque(fit: Fit) -> bool:
-    """Whether the torque moves the load of a fitted model, and half as much of it as a regression explains."""
+    """Whether the torque moves the load of a fitted model, and as much of it as a regression explains."""
     if torque_log_likelihood_gain(fit) < DECISIVE:
         return False
     return fit.log.response == "torque" or not explains_less_than_a_regression(fit)

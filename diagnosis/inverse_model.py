@@ -63,10 +63,10 @@ def unexplained_torque(fit: Fit) -> str | None:
 
 
 def explains_less_than_a_regression(fit: Fit) -> bool:
-    """Whether a fitted model explains less than half of the torque (its power) that a regression on the motion does."""
+    """Whether a regression on the motion explains the torque of a log significantly better than a fitted model does."""
     cutoff = inverse_cutoff(fit.log)
-    ours, regression = _inverse_error(fit.log, fit.model, cutoff)[0], TorqueRegression.of(fit.log, cutoff).error
-    return 1.0 - ours**2 < LIKELY * (1.0 - regression**2)
+    error, std = _inverse_error(fit.log, fit.model, cutoff)
+    return error - TorqueRegression.of(fit.log, cutoff).error > SIGNIFICANT * std
 
 
 def _least_inverse_error(fit: Fit, log: Log) -> float:

@@ -169,21 +169,16 @@ def _improve(found: FittedSets) -> None:
 
 
 def _parents(found: FittedSets, best: Explanation) -> list[Explanation]:
-    """The sets to extend: the best one and, if its unmodelled torque is probably not zero, two further ones.
+    """The sets to extend: the best one and, if its unmodelled torque is probably not zero, a second one.
 
-    That is the most probable set that is neither a part of the best one nor holds it: a first effect may explain a part
-    of what two others explain together. And the set with the highest log-likelihood with the observer of the base
-    model: with it, a poor model also follows the log.
+    That is the set with the highest log-likelihood with the observer of the base model: with it, a poor model also
+    follows the log.
     """
-    if best.discrepancy.posterior.material <= LIKELY:
-        return [best]
-    others = [each for each in found.known.values() if not (each.names <= best.names or best.names <= each.names)]
     observed = [each for (_, bandwidth), each in found.fits.items() if bandwidth == found.null.bandwidth]
-    further = (
-        max(others, key=lambda each: each.log_marginal, default=best),
-        max(observed, key=lambda each: each.fit.log_likelihood, default=best),
-    )
-    return list(dict.fromkeys((best, *further)))
+    if not observed or best.discrepancy.posterior.material <= LIKELY:
+        return [best]
+    simplest = max(observed, key=lambda each: each.fit.log_likelihood)
+    return [best] if simplest is best else [best, simplest]
 
 
 def _are_small(explanation: Explanation, names: Collection[str]) -> bool:
