@@ -164,25 +164,18 @@ def _base_fit(
         first = fit_with_prior(log, start, known, tell)
     if (still := standstill(first)) is not None:
         raise Unidentifiable(still)
-    slower = None
-    if log.response != "torque" and (first.failed is not None or unexplained_torque(first) is not None):
-        slower = behind_a_slower_observer(log, start, known, _serves if first.failed is None else _any)
-    if slower is not None:
-        return slower, first
+
+    def serves(fit: Fit) -> bool:  # if the base model lacks too much to be fitted, none may explain the torque
+        return first.failed is not None or unexplained_torque(fit) is None
+
+    if log.response != "torque" and (first.failed is not None or not serves(first)):
+        slower = behind_a_slower_observer(log, start, known, serves)
+        if slower is not None:
+            return slower, first
     if first.failed is not None:
         follows = torque_follows(log) if log.response != "torque" else None
         raise Unidentifiable(follows or _FAILED + first.failed)
     return first, None
-
-
-def _any(fit: Fit) -> bool:
-    """Every fit: none may explain the torque if the base model lacks too much."""
-    return fit.failed is None
-
-
-def _serves(fit: Fit) -> bool:
-    """Whether a model explains a part of the torque that a regression explains."""
-    return unexplained_torque(fit) is None
 
 
 def _explains_torque(fit: Fit) -> bool:

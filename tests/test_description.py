@@ -7,7 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 from hanging_pendulum import hanging_pendulum
+from machine import Machine, excitation, record
 
+from diagnosis import diagnose, diagnose_once
 from diagnosis.description import better_description, likeliest
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.summary import _described
@@ -67,3 +69,17 @@ def test_a_description_is_told_as_one(fits: tuple[Fit, Fit, Log]) -> None:
     assert told(hanging, {}) == "gravity offset"
     assert told(hanging, {"gravity_offset": base}) == ""
     assert told(base, {}) == ""
+
+
+def test_a_diagnosis_carries_the_description(monkeypatch: pytest.MonkeyPatch) -> None:
+    described = list[Fit]()
+
+    def marked(posterior: Posterior, base: Fit) -> Fit:
+        described.append(replace(base))
+        return described[-1]
+
+    monkeypatch.setattr(diagnose_once, "likeliest", marked)
+    monkeypatch.setattr(diagnose_once, "better_description", lambda fit, other, held_out: other in described)
+    found = diagnose(record(Machine(), excitation(4, duration=15.0), seed=4).log(), candidates=["quadratic_drag"])
+    assert not found.without
+    assert found.extended is described[-1]

@@ -32,7 +32,7 @@ class FittedSets:
         effects: effects of the catalogue that are candidates.
         tell: receives lines on progress.
         families: the same for all sets.
-        doubtful: the most likely fit of the base model if that has failed; then `null` has a slower observer.
+        doubtful: the most likely fit of the base model if that is of no use; then `null` has a slower observer.
         fits: the best fit of each set at each bandwidth.
         proposed: the effects that were proposed in addition to each set.
         held: whether all sets are predicted with the observer that stabilises a chaotic motion.

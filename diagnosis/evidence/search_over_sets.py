@@ -53,7 +53,7 @@ def explore(
         null: fit of the base model.
         effects: candidates.
         progress: called with a line of text at each stage.
-        doubtful: the most likely fit of the base model if that has failed; then `null` has a slower observer.
+        doubtful: the most likely fit of the base model if that is of no use; then `null` has a slower observer.
     """
     tell = progress or (lambda line: None)
     families = families_along(null)
