@@ -82,7 +82,7 @@ def _sound_cutoff(fit: Fit) -> float:
 def torque_follows(log: Log, cutoff: float | None = None) -> str | None:
     """That a regression on the motion explains most of the torque, and what follows if no fitted model does."""
     found = TorqueRegression.of(log, inverse_cutoff(log) if cutoff is None else cutoff)
-    if found.error**2 > 1.0 - LIKELY:
+    if found.share < LIKELY:
         return None
     model = ServoModel(axis=log.axis, gravity=0.0, torque_unit=log.torque_unit)
     units = {spec.name: printed(spec.unit) for spec in model.parameters} | {"coulomb_friction": log.command_unit}

@@ -27,8 +27,8 @@ def inverse_log(log: Log) -> Log:
     """The log with the torque as the response.
 
     Raises:
-        Unidentifiable: only the velocity was measured, the command is the set-point of a position servo, or the load is
-            at rest in nearly all samples.
+        Unidentifiable: only the velocity was measured, the command is the set-point of a position servo, the torque
+            never changes, or the load is at rest in nearly all samples.
     """
     if log.response == "velocity":
         raise Unidentifiable(
@@ -39,6 +39,8 @@ def inverse_log(log: Log) -> Log:
             "The command of this log is the set-point of a position servo, so no torque can be predicted from the "
             "motion; give the torque or the current of the drive."
         )
+    if np.ptp(np.concatenate([run.command for run in log.runs])) == 0.0:
+        raise Unidentifiable("The torque of this log never changes, so it does not show what the motion takes.")
     highest = inverse_cutoff(log)
     runs = tuple(found for run in log.runs if (found := _inverse_run(run, highest)) is not None)
     if not runs:

@@ -31,6 +31,7 @@ _TORQUE, _SLOPE = 6, 7  # columns of the torque and of its slope
 _ZONES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # half widths of a dead zone, of the largest torque
 _SAME_TORQUE = 0.02  # of the torque: two starts that differ by less are the same
 _BETTER = 1e-6  # of the sum of squares: least improvement for which a wider dead zone is accepted
+_ROUNDING = 1e-9  # of a torque: a smaller change is none
 
 
 def starting_values(log: Log, model: ServoModel) -> list[Array]:
@@ -56,11 +57,13 @@ class TorqueRegression:
 
     Attributes:
         error: relative error, as `torque_error` has it [-].
+        share: of the torque's variance that the motion explains [-].
         inertia, gravity, viscous_friction, coulomb_friction: coefficients of the acceleration, of the angle with any
             zero, of the velocity and of its sign, in the units of `plant.ServoModel`.
     """
 
     error: float
+    share: float
     inertia: float
     gravity: float
     viscous_friction: float
@@ -81,9 +84,11 @@ class TorqueRegression:
         scaled = table / sizes
         positive = (True, False, True, True, False, False)  # inertia and friction
         found = bounded_least_squares(scaled.T @ scaled, scaled.T @ torque, positive) / sizes
-        level = float(np.linalg.norm(torque))
+        level, varied = float(np.linalg.norm(torque)), float(np.linalg.norm(torque - torque.mean()))
+        left = float(np.linalg.norm(torque - table @ found))
         return cls(
-            error=float(np.linalg.norm(torque - table @ found)) / level if level > 0.0 else 1.0,
+            error=left / level if level > 0.0 else 1.0,
+            share=1.0 - (left / varied) ** 2 if varied > _ROUNDING * level else 0.0,
             inertia=float(found[0]),
             gravity=float(np.hypot(found[1], found[5])),
             viscous_friction=float(found[2]),

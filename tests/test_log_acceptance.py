@@ -12,7 +12,7 @@ from front_door import antidrive, columns, write_csv
 from valid_logs import KINDS, Drawn, Ratio, draw
 
 from diagnosis import diagnose
-from identification import Log, UnusableLog, fit
+from identification import Log, Unidentifiable, UnusableLog, fit
 from plant.gears import GearTrain
 
 CASES = Path(__file__).parents[1].parent / "shared" / "cases"
@@ -85,6 +85,18 @@ def test_a_torque_of_zero_is_reported_and_shows_nothing():
     log = Log.from_arrays(time=time, torque=np.zeros(600), angle=swings)
     assert any("'torque' is zero throughout while the load moves" in text for text in log.warnings)
     assert fit(log).failed is not None
+
+
+def test_a_constant_torque_is_reported_and_refused(recwarn):
+    time = 0.005 * np.arange(2000)
+    swings = 1e-4 * np.random.default_rng(0).standard_normal(2000) + np.sin(3.0 * time)
+    log = Log.from_arrays(time=time, torque=np.full(2000, 0.5), angle=swings)
+    assert any("'torque' is 0.5 throughout while the load moves" in text for text in log.warnings)
+    with pytest.raises(Unidentifiable):
+        diagnose(log)
+    assert not [each for each in recwarn if each.category is RuntimeWarning]
+    with pytest.raises(Unidentifiable, match="never changes"):
+        diagnose(log, inverse=True)
 
 
 def test_degrees_by_the_encoder_by_the_wraps_and_by_gravity():

@@ -82,12 +82,16 @@ def test_objects_of_a_mat_file_are_reported_with_what_to_save(tmp_path, monkeypa
         Log.read(tmp_path / "log.mat")
 
 
-def test_objects_of_a_mat_file_of_version_7_3(tmp_path):
+@pytest.mark.parametrize(
+    ("kind", "remedy"), [("timeseries", "t = ts.Time"), ("Simulink.SimulationData.Dataset", r"t = ts\{1\}.Values.Time")]
+)
+def test_objects_of_a_mat_file_of_version_7_3(tmp_path, kind, remedy):
     with h5py.File(tmp_path / "log.mat", "w", userblock_size=512) as file:
         file["ts"] = np.arange(6, dtype=np.uint32)
-        file["ts"].attrs.update({"MATLAB_class": np.bytes_("timeseries"), "MATLAB_object_decode": 3})
+        file["ts"].attrs.update({"MATLAB_class": np.bytes_(kind), "MATLAB_object_decode": 3})
         file["#subsystem#/MCOS"] = np.arange(50.0)
+        file["#sigstream#/0/#data#"] = np.arange(50, dtype=np.uint8)
     content = (tmp_path / "log.mat").read_bytes()
     (tmp_path / "log.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + content[128:])
-    with pytest.raises(MalformedLog, match=r"'ts' is an object of MATLAB \(timeseries\)"):
+    with pytest.raises(MalformedLog, match=rf"'ts' is an object of MATLAB \({kind}\).*{remedy}"):
         Log.read(tmp_path / "log.mat")

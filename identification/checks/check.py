@@ -167,7 +167,7 @@ def mask_frozen(recording: Recording) -> Checked:
 
 
 def constant_channels(recording: Recording) -> Iterable[Finding]:
-    """Report a load that never turns, a command that is zero during motion, and constant channels of a moving load."""
+    """Report a load that never turns, and a command or other channels that are constant while it moves."""
     if np.ptp(recording.output[recording.valid]) == 0:
         text = (
             f"{recording.label}: '{recording.name('output')}' is constant, the load never turns; "
@@ -175,10 +175,11 @@ def constant_channels(recording: Recording) -> Iterable[Finding]:
         )
         yield Finding(kind="never turns", repaired=False, text=text)
     moving = np.ptp(recording.output) > 0
-    if moving and not recording.command.any() and not recording.servo_gain.any():
+    if moving and np.ptp(recording.command) == 0 and not recording.servo_gain.any():
+        level = f"{recording.command[0]:.4g}" if recording.command.any() else "zero"
         text = (
-            f"{recording.label}: '{recording.name('command')}' is zero throughout while the load moves; if it is not "
-            "what drives the load, name what does, for example --map current=NAME"
+            f"{recording.label}: '{recording.name('command')}' is {level} throughout while the load moves; if it is "
+            "not what drives the load, name what does, for example --map current=NAME"
         )
         yield Finding(kind="no command", repaired=False, text=text)
     for name, values in recording.others.items():

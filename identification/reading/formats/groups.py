@@ -112,7 +112,8 @@ def without_objects(table: Table, objects: Sequence[tuple[str, str]]) -> Table:
         return table
     name, kind = objects[0]
     reason = f"'{name}' is an object of MATLAB ({kind}), which only MATLAB reads"
-    remedy = f"save its arrays, for example t = {name}.Time; x = {name}.Data; save('log.mat', 't', 'x')"
+    signal = f"{name}{{1}}.Values" if kind.endswith("Dataset") else name  # a Dataset of Simulink holds several
+    remedy = f"save its arrays, for example t = {signal}.Time; x = {signal}.Data; save('log.mat', 't', 'x')"
     if not table.columns:
         raise MalformedLog(f"{table.name}: {reason}; {remedy}.")
     return replace(table, notes=(*table.notes, f"{table.name}: {reason}, and is left out; {remedy}"))

@@ -26,9 +26,7 @@ def read_hdf5(content: bytes, name: str, sha256: str) -> Table:
 
     def visit(path: str, item: Any) -> None:
         parent, _, key = path.rpartition("/")
-        beside = (
-            path.startswith(("#refs#", "#subsystem#")) or "/_i_" in f"/{path}"
-        )  # MATLAB's cells, the indices of PyTables
+        beside = path.startswith("#") or "/_i_" in f"/{path}"  # the inside of MATLAB's objects, the indices of PyTables
         if beside or not isinstance(item, h5py.Dataset):
             return
         if "MATLAB_object_decode" in item.attrs:
