@@ -43,7 +43,8 @@ class Recording:
     response: what `output` measures, an "angle" (or position), or a "velocity" [rad/s] or [m/s].
     rows: (T,) data row of each sample, counted from 1; `first_line` is the line of row 1 in a text file.
     names: names of "command" and "output" in the file, for messages.
-    stated: "time" and "command", if the file, its headings, or the user gives their unit.
+    stated: "time", "command", "output", "velocity", if the file, its headings, or the user gives their unit; "rate" if
+        the times are counted with a sampling rate.
     others: further channels by their name in the log contract, (T,) each.
     run: label of the experiment in the run column; its number without such a column.
     start: clock time of the first sample of the file [s].

@@ -141,6 +141,56 @@ def test_a_velocity_in_turns_is_identified_by_its_factor(tmp_path):
     assert "--unit velocity=turn/s" in antidrive("inspect", tmp_path / "log.csv", "--out", tmp_path / "out").out
 
 
+def test_turns_and_revolutions_per_minute_are_told_from_degrees(tmp_path):
+    """1/60 is near pi/180: with degrees per second alone, the angle would be wrong by 2 pi."""
+    csv(tmp_path / "log.csv", {"time": TIME, "angle": ANGLE / TURN, "torque": TORQUE, "velocity": VELOCITY * 60 / TURN})
+    result = antidrive("inspect", tmp_path / "log.csv", "--out", tmp_path / "out")
+    assert result.code == 2
+    assert "try --unit angle=turn --unit velocity=rpm, or" in result.err
+
+
+def test_a_unit_in_a_heading_is_not_doubted_for_its_factor(tmp_path):
+    csv(tmp_path / "log.csv", {"time": TIME, "angle_rad": ANGLE, "torque": TORQUE, "velocity_rad_s": VELOCITY * TURN})
+    result = antidrive("inspect", tmp_path / "log.csv", "--out", tmp_path / "out")
+    assert (result.code, "--unit angle=" in result.out) == (0, False)
+    assert "moves 0.1592 times as fast as 'velocity_rad_s' says, so the velocity is not used" in result.out
+
+
+def test_the_velocity_shows_the_sampling_rate(tmp_path):
+    csv(tmp_path / "log.csv", {"angle": ANGLE, "torque": TORQUE, "velocity": VELOCITY})
+    true = 1.0 / (TIME[1] - TIME[0])
+    told = [
+        antidrive("inspect", tmp_path / "log.csv", "--rate", k * true, "--out", tmp_path / "out") for k in (1, 1.18)
+    ]
+    assert ["they agree" in result.out for result in told] == [False, True]
+    (rate,) = re.findall(r"with --rate (\S+) they agree", told[1].out)
+    assert float(rate) == pytest.approx(true, rel=0.01)
+
+
+def test_the_set_point_of_a_speed_is_refused(tmp_path):
+    csv(tmp_path / "log.csv", {"time": TIME, "angle": ANGLE, "commanded_deg_s": VELOCITY})
+    result = antidrive("inspect", tmp_path / "log.csv", "--map", "setpoint=commanded_deg_s", "--out", tmp_path / "out")
+    assert result.code == 2
+    assert "'commanded_deg_s' is the set-point of a speed" in result.err
+
+
+def test_a_torque_with_fractions_is_no_per_mille_of_a_drive(tmp_path):
+    csv(tmp_path / "log.csv", {"time": TIME, "angle": ANGLE, "Target Torque": TORQUE})
+    result = antidrive("inspect", tmp_path / "log.csv", "--out", tmp_path / "out")
+    assert result.code == 2
+    assert "'Target Torque' is called like an object of CiA 402 (6071h), but has no whole numbers" in result.err
+    current = antidrive("inspect", tmp_path / "log.csv", "--map", "current=Target Torque", "--out", tmp_path / "out")
+    assert current.code == 0
+
+
+def test_joints_with_short_names_are_counted(tmp_path):
+    joints = {f"{name}{k}": v + k for name, v in (("pos", ANGLE), ("cur", TORQUE)) for k in (1, 2, 3)}
+    csv(tmp_path / "log.csv", {"time": TIME, **joints})
+    assert "the log has 3 joints" in antidrive("inspect", tmp_path / "log.csv", "--out", tmp_path / "out").err
+    result = antidrive("inspect", tmp_path / "log.csv", "--joint", "2", "--out", tmp_path / "out")
+    assert (result.code, "command in A" in result.out) == (0, True)
+
+
 def test_rigol_and_tektronix_write_tables_of_their_own(tmp_path):
     """Rigol counts the samples; Tektronix writes its settings beside the numbers, a file for each channel."""
     place = tmp_path / "rigol.csv"

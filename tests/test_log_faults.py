@@ -211,6 +211,13 @@ def test_a_buffer_that_was_put_in_twice(clean):
     np.testing.assert_array_equal(np.concatenate([run.output for run in log.runs]), clean("open loop")["angle"])
 
 
+def test_a_motion_that_repeats_under_another_torque_is_no_copy(clean):
+    spoilt = clean("open loop")
+    spoilt["angle"][700:850] = spoilt["angle"][100:250]
+    log = Log.from_arrays(**spoilt)
+    assert not any("exact copy" in text for text in log.repairs)
+
+
 @pytest.mark.parametrize(("noise", "bits"), [(0.0, None), (0.0, 12), (0.0, 17), (1e-4, 10), (1e-3, 17), (1e-3, 12)])
 def test_the_same_command_again_is_no_repeat(noise, bits):
     """A periodic command and a load at rest in between: the same readings may come again where noise is absent."""

@@ -151,6 +151,20 @@ def test_seconds_and_their_parts_in_two_columns(whole, part, per_second):
     even(Log.from_dataframe(pd.DataFrame(columns), mapping={"time": whole}))
 
 
+def test_hours_and_minutes_in_columns_pass_midnight():
+    ticks = (23 * 3600 + 59 * 60 + 58) * 100 + np.arange(300)
+    seconds = ticks // 100
+    clock = {
+        "hour": seconds // 3600 % 24,
+        "minute": seconds // 60 % 60,
+        "second": seconds % 60,
+        "msec": ticks % 100 * 10,
+    }
+    log = Log.from_dataframe(pd.DataFrame({**clock, "torque": SOUND["torque"], "angle": SOUND["angle"]}))
+    even(log)
+    assert "'hour', 'minute', 'second' and 'msec' are one time" in log.warnings[0]
+
+
 @pytest.mark.parametrize(("heading", "bits", "tick"), [("micros", 32, 1e-6), ("time_ms", 16, 1e-3)])
 def test_a_counter_that_passes_its_end_goes_on(tmp_path, heading, bits, tick):
     ticks = np.round(SOUND["time"] / tick).astype(np.int64) + 2**bits - round(1.0 / tick)

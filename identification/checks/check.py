@@ -175,7 +175,9 @@ def constant_channels(recording: Recording) -> Iterable[Finding]:
         )
         yield Finding(kind="never turns", repaired=False, text=text)
     moving = np.ptp(recording.output) > 0
-    if moving and np.ptp(recording.command) == 0 and not recording.servo_gain.any():
+    away, came = np.ptp(recording.output), abs(recording.output[-1] - recording.output[0])
+    passive = np.ptp(recording.command) == 0 and np.ptp(recording.servo_gain) == 0
+    if moving and passive and (came < 0.5 * away or not recording.command.any()):  # else it is the answer to one step
         level = f"{recording.command[0]:.4g}" if recording.command.any() else "zero"
         text = (
             f"{recording.label}: '{recording.name('command')}' is {level} throughout while the load moves; if it is "

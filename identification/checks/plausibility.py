@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -13,19 +14,17 @@ _TURN = 2.0 * np.pi
 SLOWEST_SAMPLING = 0.5  # [s]
 FASTEST_SAMPLING = 1e-6  # [s]
 
-# Ratio of the output's speed to the velocity channel, and the unit that explains it.
-_RATIOS = {
-    "rotary": (
-        (180 / np.pi, "angle=deg"),
-        (np.pi / 180, "velocity=deg/s"),
-        (np.pi / 30, "velocity=rpm"),
-        (1 / (2 * np.pi), "angle=turn"),
-        (1e-3, "time=ms"),
-        (1e-6, "time=us"),
-        (1e3, "angle=mrad"),
-    ),
-    "linear": ((1e3, "position=mm"), (1e-3, "velocity=mm/s"), (1e-6, "time=us"), (1e6, "position=um")),
+# Size of each unit that a channel may have beside that in which it was read.
+_OUTPUTS = {
+    "rotary": {"angle=deg": np.pi / 180.0, "angle=turn": _TURN, "angle=mrad": 1e-3},
+    "linear": {"position=mm": 1e-3, "position=um": 1e-6},
 }
+_VELOCITIES = {
+    "rotary": {"velocity=deg/s": np.pi / 180.0, "velocity=rpm": _TURN / 60.0, "velocity=turn/s": _TURN},
+    "linear": {"velocity=mm/s": 1e-3, "velocity=mm/min": 1e-3 / 60.0},
+}
+_TIMES = {"time=ms": 1e-3, "time=us": 1e-6}
+_NEAR = 0.02  # of a factor; two of them differ by 4.5 % at least (1/60 from turns in rpm, pi/180 from deg/s)
 
 
 def check_time_unit(recording: Recording) -> None:
@@ -67,20 +66,52 @@ def velocity_ratio(recording: Recording) -> float | None:
 def check_velocity_unit(recording: Recording) -> tuple[Recording, list[Finding]]:
     """Raise an error if velocity and output differ by the factor of a unit; drop a velocity with another ratio."""
     ratio = velocity_ratio(recording)
-    if ratio is None or 0.8 < ratio < 1.25:
+    if ratio is None:
         return recording, []
     output, velocity = recording.name("output"), recording.name("velocity")
-    for factor, option in _RATIOS[recording.axis]:
-        if ratio > 0 and abs(np.log(ratio / factor)) < 0.1:
-            raise MalformedLog(
-                f"{recording.label}: '{output}' moves {ratio:.4g} times as fast as '{velocity}' says, which is the "
-                f"factor of a unit: try --unit {option}, or give the right unit of one of them."
-            )
+    with_rate = ""
+    if ratio > 0.0 and "rate" in recording.stated:
+        with_rate = f"--rate {1.0 / (ratio * float(np.median(np.diff(recording.time)))):.4g}"
+    if 0.8 < ratio < 1.25:
+        if not with_rate or abs(np.log(ratio)) < _NEAR:
+            return recording, []
+        text = (
+            f"{recording.label}: '{output}' moves {ratio:.4g} times as fast as '{velocity}' says; with {with_rate} "
+            "they agree"
+        )
+        return recording, [Finding(kind="rate", repaired=False, text=text)]
+    fitting = _units_for(recording, ratio)
+    if fitting and fitting != ["--unit velocity=turn/s"]:  # that may be the ratio of a gear too
+        raise MalformedLog(
+            f"{recording.label}: '{output}' moves {ratio:.4g} times as fast as '{velocity}' says, which is the "
+            f"factor of a unit: try {' or '.join(fitting)}, or give the right unit of one of them."
+        )
     text = (
         f"{recording.label}: '{output}' moves {ratio:.4g} times as fast as '{velocity}' says, so the velocity is not "
         "used; give --scale velocity=FACTOR if it belongs to another shaft or has another sign"
     )
-    if recording.axis == "rotary" and abs(ratio - _TURN) < 0.02 * _TURN:  # or the ratio of a gear
-        text += ", or --unit velocity=turn/s if it is in turns"
+    if fitting:
+        text += f", or {fitting[0]} if it is in turns"
+    if with_rate:
+        text += f", or {with_rate} if that is the sampling rate"
     others = {name: values for name, values in recording.others.items() if name != "velocity"}
     return replace(recording, others=others), [Finding(kind="velocity", repaired=True, text=text)]
+
+
+def _units_for(recording: Recording, ratio: float) -> list[str]:
+    """Options that make velocity and output agree, of as few channels as possible; none of a unit that was stated."""
+    outputs, velocities, times = (
+        {"": 1.0} | ({} if channel in recording.stated else {f"--unit {unit}": size for unit, size in units.items()})
+        for channel, units in (
+            ("output", _OUTPUTS[recording.axis]),
+            ("velocity", _VELOCITIES[recording.axis]),
+            ("time", _TIMES),
+        )
+    )
+    fitting = [
+        [option for option in options if option]
+        for options in product(outputs, velocities, times)
+        if ratio > 0.0 and abs(np.log(ratio * outputs[options[0]] / velocities[options[1]] / times[options[2]])) < _NEAR
+    ]
+    fewest = min(map(len, fitting), default=0)
+    return [" ".join(options) for options in fitting if len(options) == fewest]

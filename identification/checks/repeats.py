@@ -1,8 +1,8 @@
 """A part of the log that occurs twice: a buffer that the logger wrote again.
 
-Noise does not repeat. Fifty noisy values that occur again digit by digit are the same measurements, whatever the load
-did. If the noise is below the encoder step (or absent, in a simulation), a repeated motion may give the same values,
-and nothing is reported.
+Noise does not repeat. Fifty noisy values that occur again digit by digit, and with them the command and the velocity,
+are the same measurements, whatever the load did. If the noise is below the encoder step (or absent, in a simulation), a
+repeated motion may give the same values, and nothing is reported.
 """
 
 from __future__ import annotations
@@ -77,7 +77,12 @@ def _noisy(values: Array) -> bool:
 
 def drop_repeats(recording: Recording) -> tuple[list[Recording], list[Finding]]:
     """Leave out the second copy of a part, and split the run there."""
-    found = find_repeats(np.where(recording.valid, recording.output, np.nan))
+    beside = (recording.command, *recording.others.values())
+    found = [
+        (first, second, length)
+        for first, second, length in find_repeats(np.where(recording.valid, recording.output, np.nan))
+        if all(np.array_equal(v[first:][:length], v[second:][:length], equal_nan=True) for v in beside)
+    ]
     if not found:
         return [recording], []
     keep = np.ones(len(recording), dtype=bool)

@@ -28,7 +28,11 @@ from plant.effects import catalogue
 from plant.errors import BadParameter
 
 _BARE = ("time", "duty", "run")  # without a unit, or with one that is recognised from the numbers
-_STATED = ("time", "torque", "torque_1", "torque_2", "force", "current", "voltage", "duty")
+_STATED = {
+    **{name: name for name in ("time", "velocity")},
+    **dict.fromkeys(("angle", "position"), "output"),
+    **dict.fromkeys(("torque", "torque_1", "torque_2", "force", "current", "voltage", "duty"), "command"),
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,7 +60,8 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     known = recognise(table, reading)
     refuse_missing(table, known, reading)
     table, found = on_one_clock(table, known.found)
-    if "time" not in found:
+    counted = "time" not in found
+    if counted:
         table, found = _counted(table, found, float(reading.rate or 1.0))
     elif reading.rate is not None:
         raise BadParameter(f"{table.name} has times (column '{found['time']}'); leave the rate out.")
@@ -90,7 +95,9 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         response=response,
         first_line=table.first_line,
         names={**found, "command": command.name, "output": found[output]},
-        stated=frozenset("time" if column == "time" else "command" for column in stated.units if column in _STATED),
+        stated=frozenset(
+            {_STATED[column] for column in stated.units if column in _STATED} | ({"rate"} if counted else set())
+        ),
         others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output)},
     )
     labels = labels_of(table, found["run"])[kept] if "run" in found else None

@@ -21,9 +21,10 @@ _FLAT = re.compile(r"(?P<joint>.+_joint)_(?P<quantity>position|velocity|effort|t
 _NUMBERED = re.compile(r"(?P<quantity>[A-Za-z]+):(?P<joint>\d+)")  # columns of a matrix, as of an NPZ file
 _COUNTED = re.compile(r"(?P<quantity>.*[A-Za-z])_?(?P<joint>\d+)")  # Position1 to Position7
 _QUANTITIES = {
-    **dict.fromkeys(("position", "positions", "q"), "position"),
-    **dict.fromkeys(("velocity", "velocities", "qd", "dq"), "velocity"),
+    **dict.fromkeys(("position", "positions", "pos", "q"), "position"),
+    **dict.fromkeys(("velocity", "velocities", "vel", "qd", "dq"), "velocity"),
     **dict.fromkeys(("effort", "efforts", "torque", "torques", "tau"), "effort"),
+    **dict.fromkeys(("current", "currents", "cur"), "current"),
 }
 _FEWEST = 3  # joints of counted columns: two of them may be the two motors of one axis
 
@@ -75,13 +76,13 @@ def _in_names(names: Collection[str], pattern: re.Pattern[str]) -> dict[str, tup
 
 
 def _in_counted(names: Collection[str]) -> dict[str, tuple[str, str]]:
-    """The joints in names that end in their number: each with a position and an effort, and whatever else all have."""
+    """The joints in names that end in their number: each with a position and an effort or a current."""
     found = {name: match for name in names if (match := _COUNTED.fullmatch(name))}
     numbers: dict[str, set[str]] = defaultdict(set)
     for match in found.values():
         numbers[match["quantity"]].add(match["joint"])
     known = {quantity: _QUANTITIES[quantity.lower()] for quantity in numbers if quantity.lower() in _QUANTITIES}
-    if not {"position", "effort"} <= set(known.values()):
+    if "position" not in known.values() or not {"effort", "current"} & set(known.values()):
         return {}
     joints = set.intersection(*(numbers[quantity] for quantity in known))
     of_all = {quantity for quantity, counted in numbers.items() if joints <= counted}

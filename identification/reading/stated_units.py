@@ -52,6 +52,7 @@ def stated_units(
         if column in units or column == "run":
             continue
         unit = table.units.get(name, "").strip() or _of_heading(name, column, axis)
+        _refuse_set_point_of_speed(table, column, name)
         try:
             if unit.lower() not in NO_UNIT:
                 if _counts(column, unit, axis, scaled=column in scales):
@@ -94,15 +95,28 @@ def _counts(column: str, unit: str, axis: str, *, scaled: bool) -> bool:
     return True
 
 
+def _refuse_set_point_of_speed(table: Table, column: str, name: str) -> None:
+    """Raise `MalformedLog` for a set-point in a unit of speed: a position servo follows a position."""
+    if column == "setpoint" and kind_of(table.units.get(name, "").strip() or heading(name).unit) in ("rad/s", "m/s"):
+        raise MalformedLog(
+            f"{table.name}: '{name}' is the set-point of a speed, and a position servo follows that of its position; "
+            "name the torque, the current, the voltage or the duty of the drive, for example --map current=NAME."
+        )
+
+
 def _refuse_increments(table: Table, column: str, name: str, axis: str, *, guessed: bool) -> None:
     """Raise `MalformedLog` for an object in increments; for one that the user mapped only if it has whole numbers."""
     known = drive_object(name)
     if known is None:
         return
-    if not guessed:
-        values = np.asarray(table.columns[name])
-        if values.dtype.kind not in "fiu" or np.any(values[np.isfinite(values)] % 1 != 0):
+    values = np.asarray(table.columns[name])
+    if values.dtype.kind not in "fiu" or np.any(values[np.isfinite(values)] % 1 != 0):
+        if not guessed:
             return
+        raise MalformedLog(
+            f"'{name}' is called like an object of CiA 402 ({known.index.upper()}h), but has no whole numbers: give "
+            f"its unit, for example --unit {column}='{si_unit(column, axis)}', or say what it is with --map."
+        )
     raise MalformedLog(
         f"'{name}' ({known.index.upper()}h) is in {known.counted_in}: give the size of one, for example "
         f"--unit {column}={known.units[axis == 'linear']}, or --unit {column}='{si_unit(column, axis)}' if it is in SI."

@@ -29,6 +29,8 @@ _DATED = (
     r"(?:\s*(?:Z|UTC|GMT))?$"
 )
 _SECONDS = ("sec", "secs", "second", "seconds")
+_HOUR = 3600.0
+_LONGER = {**dict.fromkeys(("hour", "hours"), _HOUR), **dict.fromkeys(("minute", "minutes", "min"), 60.0)}
 _SIZES = {"nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "n": 1e-9, "u": 1e-6, "m": 1e-3}
 _FRACTION = re.compile(rf"(?P<stem>.*?)(?P<size>{'|'.join(_SIZES)})_?(secs?|seconds?)", re.IGNORECASE)
 _EPOCHS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -169,7 +171,8 @@ def _refuse_others(table: Table, name: str, written: pd.Series[str], times: Arra
 def with_whole_stamps(table: Table) -> Table:
     """Join whole seconds and their fraction in another column (`sec` and `nanosec`, as in ROS) to one time.
 
-    The sum replaces the seconds; if it is the only one in a table without a time, it is also the time.
+    Hours and minutes beside them belong to it. The sum replaces the seconds; if it is the only one in a table without a
+    time, it is also the time.
     """
     lower = {name.lower(): name for name in table.columns}
     columns, notes = dict(table.columns), table.notes
@@ -186,13 +189,29 @@ def with_whole_stamps(table: Table) -> Table:
             continue
         if np.any(seconds % 1 > 0) or not (np.nanmin(part) >= 0 and np.nanmax(part) * factor < 1):
             continue
-        columns[whole] = seconds + factor * part
-        del columns[name]
-        notes += (f"{table.name}: '{whole}' and '{name}' are one time",)
+        columns[whole], others, crossed = _with_minutes(table, whole, found["stem"], seconds + factor * part)
+        for other in (name, *others):
+            del columns[other]
+        quoted = [f"'{each}'" for each in (*others, whole, name)]
+        notes += (f"{table.name}: {', '.join(quoted[:-1])} and {quoted[-1]} are one time", *crossed)
         joined.append(whole)
     if len(joined) == 1 and "time" not in lower:
         columns = {"time": columns[joined[0]], **columns}
     return replace(table, columns=columns, notes=notes)
+
+
+def _with_minutes(table: Table, whole: str, stem: str, time: Array) -> tuple[Array, list[str], tuple[str, ...]]:
+    """Seconds (T,) with the hours and minutes in columns beside them, these columns, and a note on midnight."""
+    lower, found = {name.lower(): name for name in table.columns}, list[str]()
+    day = False
+    for word, size in _LONGER.items():
+        name = lower.get(f"{stem}{word}".lower())
+        values = np.asarray(table.columns[name]) if name is not None else np.empty(0)
+        if name is not None and values.shape == time.shape and values.dtype.kind in "iuf" and not np.any(values % 1):
+            time, day = time + size * values, day or size == _HOUR
+            found.append(name)
+    time, crossed = _over_midnight(table, whole, time, whole=not day)
+    return time, found, crossed
 
 
 def _epoch(numbers: Array) -> str | None:
