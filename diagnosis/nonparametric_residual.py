@@ -94,7 +94,7 @@ def _significance(less: Fit, start: Nonparametric, rest: Log, before: Array) -> 
         before: (T,) squared errors there without the effect.
     """
     problem = _beside(less, start)
-    begun = problem.begun(less)
+    begun = problem.begun(less, less.bandwidth)
     values, _ = problem.unpack(begun.point)
     significance = _sigmas(before, problem.model.with_values(values), rest)
     return (

@@ -51,7 +51,7 @@ def fitted_to(log: Log, fit: Fit) -> Fit:
 
 def fitted_from(start: Fit, problem: Problem, iterations: int = 30, begun: Minimum | None = None) -> Fit:
     """The fit of a problem with the observer of another fit, from there or from a minimisation in progress."""
-    begun = problem.begun(start) if begun is None else begun
+    begun = problem.begun(start, start.bandwidth) if begun is None else begun
     ended = problem.minimise(begun.point, start.bandwidth, 0.0, iterations=iterations, at_start=begun.equations)
     problem, ended = unsettled_if_shown(problem, ended, start.bandwidth)
     return fit_with_errors(problem, start.bandwidth, ended, begun.evaluations)

@@ -106,13 +106,14 @@ class Problem(Objective):
         """The point (F + R I,) with the smallest cost."""
         return min(points, key=lambda point: self.cost(point, bandwidth, width))
 
-    def begun(self, start: Fit) -> Minimum:
-        """The first minimum of `descend` from the fit of a simpler model: at the bandwidth of that fit.
+    def begun(self, start: Fit, bandwidth: float | None = None) -> Minimum:
+        """The first minimum from the fit of a simpler model.
 
         Args:
             start: gives the initial states and the parameters of the same name; others start at the model's values.
+            bandwidth: by default that of the fit, from which `descend` begins.
         """
-        point, bandwidth = self._taken_over(start), self._highest(start)
+        point, bandwidth = self._taken_over(start), self._highest(start) if bandwidth is None else bandwidth
         if self.model.slides and not start.model.slides:
             for width in self.widths()[1:3]:
                 point = self.minimise(point, bandwidth, width, iterations=3).point
