@@ -26,6 +26,7 @@ from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 
 AT_ONCE = 16  # columns that are simulated in parallel
+HUGE = 1e100  # values that have overflowed, or will when they are squared
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,10 +129,17 @@ def _side_by_side(n: int) -> Any:
 
 
 def response(runs: tuple[Filter, ...], columns: Array, *, on_measurement: bool) -> Array:
-    """(T, M) change of the innovations of all runs by torques (T, M), or by errors of the measurement."""
+    """(T, M) change of the innovations of all runs by torques (T, M), or by errors of the measurement.
+
+    Where the response of a free simulation diverges it is zero.
+    """
     pieces = np.split(columns, np.cumsum([linear.weight.size for linear in runs])[:-1])
     parts = [linear.response(piece, on_measurement=on_measurement) for linear, piece in zip(runs, pieces, strict=True)]
-    return parts[0] if len(parts) == 1 else np.vstack(parts)
+    found = parts[0] if len(parts) == 1 else np.vstack(parts)
+    bounded = np.abs(found) < HUGE  # nor is it where the response is not a number
+    if not bounded.all():
+        found[~bounded] = 0.0
+    return found
 
 
 def score(runs: tuple[Filter, ...], innovations: Array) -> tuple[Array, Array]:

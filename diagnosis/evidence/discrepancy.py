@@ -23,7 +23,6 @@ from plant.effects.effect import Array
 
 AMPLITUDES = (0.0, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # of the torque in the log
 _ERRORS = (0.0, 0.3, 1.0)  # errors of the measurement, as a share of its noise
-_HUGE = 1e100  # the response of a free simulation that diverges
 _ALONE = (1.0, 3.0)  # factors on the prior standard deviation: one variable alone may need a larger one
 _PASSES = 4  # iterations between noise variance and discrepancy
 
@@ -86,9 +85,6 @@ class Responses:
         on_measurement = response(filters, noise * families.measurement, on_measurement=True)
         columns = np.hstack((on_torque, on_measurement))
         np.negative(columns, out=columns)
-        bounded = np.abs(columns) < _HUGE  # nor is it where the response is not a number
-        if not bounded.all():
-            columns[~bounded] = 0.0
         return cls(
             columns=columns,
             torques=on_torque.shape[1],

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.linear import Filter, linearised
+from diagnosis.linear import HUGE, Filter, linearised
 from diagnosis.nuisance import Nuisance
 from identification.fit_result import Fit
 from identification.predictor import DIVERGED, Prediction, measured_state
@@ -15,8 +15,6 @@ from identification.problem import Problem
 from identification.recording import Response
 from plant.effects.effect import Array
 from plant.servo import ServoModel
-
-_HUGE = 1e100  # values that have overflowed, or will when they are squared
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,4 +83,4 @@ def _is_held(predictions: Sequence[Prediction], response: Response) -> bool:
 
 def is_bounded(predictions: Sequence[Prediction]) -> bool:
     """Whether the innovations and their Jacobian are bounded."""
-    return all(np.abs(p.jacobian).max(initial=0.0) < _HUGE and np.abs(p.innovations).max() < _HUGE for p in predictions)
+    return all(np.abs(p.jacobian).max(initial=0.0) < HUGE and np.abs(p.innovations).max() < HUGE for p in predictions)

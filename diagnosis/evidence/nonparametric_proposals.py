@@ -42,6 +42,8 @@ def promising(screen: Screen, kinds: Iterable[type[Nonparametric]]) -> list[tupl
         kinds: candidates.
     """
     fit = screen.fit
+    if not np.isfinite(screen.innovations).all():  # the motion grows without bound
+        return []
     shown = [kind for kind in kinds if kind.beside(fit.model) and fit.log.shows(kind)]
     shapes = in_threads(lambda kind: list(_by_shape(screen, kind)), shown)
     best = [max(some, key=lambda pair: pair[0]) for some in shapes if some]
@@ -53,7 +55,7 @@ def _by_shape(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float
     left = screen.nuisance.beyond(screen.innovations)
     for each in kind.regressors(screen.motion):
         columns = -response(screen.filters, each.columns, on_measurement=each.acts_on == "measurement")
-        beyond = screen.nuisance.beyond(np.asarray(np.where(np.isfinite(columns), columns, 0.0)))
+        beyond = screen.nuisance.beyond(columns)
         sizes = np.asarray(np.linalg.lstsq(beyond, left, rcond=_RANK_TOLERANCE)[0], dtype=np.float64)
         share = float(np.sum((left - beyond @ sizes) ** 2) / max(float(left @ left), 1e-300))
         cost = 0.5 * len(sizes) * np.log(screen.fit.samples) + np.log(each.searched)
