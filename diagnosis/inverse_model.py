@@ -22,7 +22,7 @@ from identification.regression import TorqueRegression
 from plant.servo import ServoModel
 from plant.units import printed
 
-_ANOTHER_UNIT = 10.0  # ratio of the inertias of one machine in two logs that only another unit explains
+_ANOTHER_UNIT = 10.0  # ratio of the torques of one motion in two logs that only another unit explains
 
 
 def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: ServoModel) -> TorqueError:
@@ -108,9 +108,8 @@ def torque_follows(log: Log, cutoff: float | None = None) -> str | None:
 
 def unexplained_in_validation(fit: Fit, held_out: Log) -> str | None:
     """That a model explains none of the torque of the validation data, or that its unit is another one; else None."""
-    ours, theirs = (TorqueRegression.of(log, _sound_cutoff(fit)) for log in (fit.log, held_out))
-    error, known = _least_inverse_error(fit, held_out), max(ours.error, theirs.error) ** 2 <= 1.0 - LIKELY
-    ratio = theirs.inertia / ours.inertia if known and min(ours.inertia, theirs.inertia) > 0.0 else 1.0
+    ours, error = TorqueRegression.of(fit.log, _sound_cutoff(fit)), _least_inverse_error(fit, held_out)
+    ratio = ours.factor_on(held_out) if ours.error**2 <= 1.0 - LIKELY else 1.0
     if max(ratio, 1.0 / ratio) >= _ANOTHER_UNIT:
         return (
             f"The same motion needs {ratio:.3g} times the command in the validation data: check the unit of the "

@@ -60,6 +60,8 @@ class TorqueRegression:
         share: of the torque's variance that the motion explains [-].
         inertia, gravity, viscous_friction, coulomb_friction: coefficients of the acceleration, of the angle with any
             zero, of the velocity and of its sign, in the units of `plant.ServoModel`.
+        coefficients: (6,) of all regressors.
+        cutoff: of the low pass [Hz].
     """
 
     error: float
@@ -68,17 +70,13 @@ class TorqueRegression:
     gravity: float
     viscous_friction: float
     coulomb_friction: float
+    coefficients: Array
+    cutoff: float
 
     @classmethod
     def of(cls, log: Log, cutoff: float) -> TorqueRegression:
         """Of a log, after the low pass of `torque_error` [Hz]."""
-        columns, torques = [], []
-        for run in log.runs:
-            motion = filtered_motion(run, cutoff)
-            moved, inner = _moved(log.axis, motion, cutoff), _inner(motion, cutoff)
-            columns.append(moved[inner])
-            torques.append(_driven(run, None, motion, moved, cutoff)[inner, 0])
-        table, torque = np.vstack(columns), np.concatenate(torques)
+        table, torque = _motion_and_torque(log, cutoff)
         sizes = np.linalg.norm(table, axis=0)
         sizes[sizes == 0.0] = 1.0
         scaled = table / sizes
@@ -93,7 +91,29 @@ class TorqueRegression:
             gravity=float(np.hypot(found[1], found[5])),
             viscous_friction=float(found[2]),
             coulomb_friction=float(found[3]),
+            coefficients=found,
+            cutoff=cutoff,
         )
+
+    def factor_on(self, log: Log) -> float:
+        """Factor of the torque of another log over that of the same motion here; 1 if no factor explains most of it."""
+        table, torque = _motion_and_torque(log, self.cutoff)
+        expected = table @ self.coefficients
+        power = float(torque @ torque), float(expected @ expected)
+        along = float(torque @ expected)
+        known = min(power) > 0.0 and along > 0.0 and along**2 >= 0.5 * power[0] * power[1]
+        return along / power[1] if known else 1.0
+
+
+def _motion_and_torque(log: Log, cutoff: float) -> tuple[Array, Array]:
+    """(T, 6) regressors and (T,) torque of a log, behind a low pass [Hz]."""
+    columns, torques = [], []
+    for run in log.runs:
+        motion = filtered_motion(run, cutoff)
+        moved, inner = _moved(log.axis, motion, cutoff), _inner(motion, cutoff)
+        columns.append(moved[inner])
+        torques.append(_driven(run, None, motion, moved, cutoff)[inner, 0])
+    return np.vstack(columns), np.concatenate(torques)
 
 
 def _cutoffs(log: Log) -> list[float]:
