@@ -16,11 +16,12 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.search_over_sets import explore, explore_from
+from diagnosis.explanation.wording import joined_words, title_of
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import Tenable, predicts_worse, tenable
 from diagnosis.formula_suggestion import suggested_formula
 from diagnosis.holdout import measure_gain, remaining
-from diagnosis.holdout_refit import holdout_differences
+from diagnosis.holdout_refit import HoldoutDifference, holdout_differences
 from diagnosis.identifiability import identifiability_warnings, standstill
 from diagnosis.inverse_model import (
     explains_less_than_a_regression,
@@ -30,7 +31,7 @@ from diagnosis.inverse_model import (
     unexplained_in_validation,
     unexplained_torque,
 )
-from diagnosis.levels import CLEARLY, DECISIVE, LIKELY, SURE
+from diagnosis.levels import CLEARLY, DECISIVE, LIKELY, SIGNIFICANT, SURE
 from diagnosis.long_log import stretches
 from diagnosis.redundant_effects import beside_curves
 from diagnosis.refit import estimates
@@ -39,7 +40,7 @@ from diagnosis.repeated_runs import repeats
 from diagnosis.residual_torque import ResidualTorque, effects_over, residual_torque, torque_of
 from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.validation_only import only_in_validation
-from diagnosis.verdict import Judgement, alternatives, judged, log_bayes, variables_instead
+from diagnosis.verdict import Judgement, alternatives, doubted, judged, log_bayes, variables_instead
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
 from identification.fit import fit_with_prior
@@ -83,14 +84,14 @@ def diagnose_once(
     null, doubtful = _base_fit(log, start, known, tell)
     held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
     sets = explore(null, _shown(log, effects), tell, doubtful)
-    found = tenable(null, sets.known.values(), held_out)
+    found = tenable(null, sets.fits.values(), held_out)
     while explore_from(sets, found.fit):
-        found = tenable(null, sets.known.values(), held_out)
+        found = tenable(null, sets.fits.values(), held_out)
     failed = None if doubtful is None else doubtful.failed
     if failed is not None and not _explains_torque(likeliest(found.posterior, null)):
         raise Unidentifiable(torque_follows(log) or _FAILED + failed)
     tell("fitting non-parametric curves")
-    found, final = beside_curves(null, sets.known.values(), found, held_out)
+    found, final = beside_curves(null, sets.fits.values(), found, held_out)
     best, named = found.posterior.best, found.fit
     missing, again = residual_torque(named), repeats(named)
     shows = final is not named or (again is not None and again.deterministic)
@@ -108,6 +109,9 @@ def diagnose_once(
         final = described
         gain, _, replays = measure_gain(held_out, [null, final])
         left = remaining(gain, judgement.depends_on)
+    differences = holdout_differences(final, held_out)
+    contradicted = _contradiction(found, differences) if any(p > SURE for p in judgement.causes.values()) else None
+    judgement = judgement if contradicted is None else doubted(judgement)
     beside = best.discrepancy.posterior
     logs = recorded if inverse else (null.log, held_out)
     torque_error = inverse_errors(*logs, null.model, final.model)
@@ -128,10 +132,12 @@ def diagnose_once(
         torque_error=torque_error,
         unexplained=left,
         only_in_validation=None if alone is None else str(alone),
+        contradicted=contradicted,
         warnings=(
             *_of_data(null, [*notes, *filter(None, (shorter,))]),
             *filter(None, (absurd or nowhere or torque_predicted_worse(torque_error),)),
             *_of_the_end(null, final, held_out),
+            *_of_the_validation(differences, contradicted),
         ),
         base=null,
         extended=final,
@@ -183,6 +189,18 @@ def _explains_torque(fit: Fit) -> bool:
     if torque_log_likelihood_gain(fit) < DECISIVE:
         return False
     return fit.log.response == "torque" or not explains_less_than_a_regression(fit)
+
+
+def _contradiction(found: Tenable, differences: Sequence[HoldoutDifference]) -> str | None:
+    """What contradicts the effects: one has very different values in the validation data, or makes them worse; or None.
+
+    A right set describes other data of the machine too. If one of its effects does not, each may stand for another.
+    """
+    different = [str(each) for each in differences if each.much and each.parameter.split(".")[0] in found.without]
+    if different:
+        return f"fitted to the validation data alone, the model has {'; '.join(different)}"
+    harmful = [name for name, (gain, std) in found.gains.items() if gain < -SIGNIFICANT * std]
+    return f"they are predicted better without {joined_words(sorted(map(title_of, harmful)))}" if harmful else None
 
 
 def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
@@ -279,7 +297,7 @@ def _of_data(null: Fit, notes: Sequence[str]) -> list[str]:
 
 
 def _of_the_end(null: Fit, final: Fit, held_out: Log) -> list[str]:
-    """Warnings about the final model: confounded parameters, extrapolation, repeated runs, validation data."""
+    """Warnings about the final model: confounded parameters, extrapolation, repeated runs."""
     further, left, apart = extrapolation_warning(held_out, null.log), repeats(final), between_run_differences(final)
     found = [
         *identifiability_warnings(null, final),
@@ -288,9 +306,16 @@ def _of_the_end(null: Fit, final: Fit, held_out: Log) -> list[str]:
         apart,
         suggested_formula(final),
     ]
-    if differences := holdout_differences(final, held_out):
-        found.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, differences))}.")
     return [each for each in found if each is not None]
+
+
+def _of_the_validation(differences: Sequence[HoldoutDifference], contradicted: str | None) -> list[str]:
+    """A warning about other parameters in the validation data."""
+    if contradicted is not None:
+        return [f"The validation data contradict the model, so no effect is sure: {contradicted}."]
+    if not differences:
+        return []
+    return [f"Fitted to the validation data alone, the model has {'; '.join(map(str, differences))}."]
 
 
 def predictable_share(innovations: Array, lags: int = 10) -> float:

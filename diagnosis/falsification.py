@@ -63,7 +63,7 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
 
     Args:
         base: fit of the base model.
-        explanations: all fitted sets with their evidence.
+        explanations: all fitted sets with their evidence, with each observer.
         validation: runs that no fit has used.
     """
     left, falsified = _possible(explanations)
@@ -203,15 +203,20 @@ def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
 
 
 def _possible(explanations: Collection[Explanation]) -> tuple[list[Explanation], dict[str, str]]:
-    """The sets with possible values, and for each effect that is in none of them the reason."""
-    kept, falsified = [], dict[str, str]()
+    """The sets with possible values, and for each effect that is in none of them the reason.
+
+    A set has the observer that gives it the most evidence among those with which its values are possible.
+    """
+    kept, falsified = dict[frozenset[str], Explanation](), dict[str, str]()
     for each in sorted(explanations, key=lambda each: -each.log_marginal):
+        if each.names in kept:
+            continue
         wrong = {name: why for name in sorted(each.names) if (why := _impossible(each, name)) is not None}
         if not wrong:
-            kept.append(each)
+            kept[each.names] = each
         falsified = wrong | falsified
-    left = {name for each in kept for name in each.names}
-    return kept, {name: why for name, why in falsified.items() if name not in left}
+    left = {name for names in kept for name in names}
+    return list(kept.values()), {name: why for name, why in falsified.items() if name not in left}
 
 
 def _impossible(explanation: Explanation, name: str) -> str | None:

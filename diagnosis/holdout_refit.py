@@ -1,7 +1,7 @@
 """The extended model fitted to the validation data alone, to compare its parameters.
 
-This comparison follows after the verdict and changes nothing. The estimates differ if the machine has changed between
-the logs, or if one log excites what the other does not.
+The estimates differ if the machine has changed between the logs, if one log excites what the other does not, or if an
+effect stands for something else. So no effect is sure if one needs very different values on validation data.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.explanation.wording import measured
+from diagnosis.levels import LIKELY
 from identification.fit_result import Fit, FittedParameter
 from identification.log import Log
 from identification.problem import Problem, first_states
@@ -20,6 +21,7 @@ from plant.effects.nonparametric import unnamed
 
 _APART = 4.0  # standard errors from which two estimates differ
 _MATTERS = 0.05  # smallest relevant difference: relative, or in rad for a phase
+_TRIED = 15  # iterations from each start
 _SHARPER = 5.0  # ratio of the standard errors from which the validation data determine a parameter much better
 
 
@@ -27,10 +29,11 @@ _SHARPER = 5.0  # ratio of the standard errors from which the validation data de
 class HoldoutDifference:
     """A parameter with a different or far more precise estimate on validation data.
 
-    `value` is None if only the validation data determine it.
+    `value` is None if only the validation data determine it. `much` is whether it differs by more than half.
     """
 
     parameter: str
+    much: bool
     value: float | None
     std: float | None
     held_out_value: float
@@ -54,17 +57,26 @@ def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]
         for spec, value in zip(fit.model.parameters, fit.model.values, strict=True)
         if spec.unit == "s" and spec.lower < 0.0 and not first <= value <= last  # it is not in these data
     ]
-    problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, fixed=instants, known=fit.known)
-    at_first = first_states(holdout)
-    tried = [
-        problem.minimise(problem.pack(values, at_first), fit.bandwidth, 0.0, iterations=15) for values in _starts(fit)
-    ]
+    log = replace(holdout, colour=fit.log.colour)
+    problem = Problem.of(log, fit.model, fixed=instants, known=fit.known)
+    begun = _begun(log, fit, instants)
+    tried = [problem.minimise(problem.pack(values, begun), fit.bandwidth, 0.0, _TRIED) for values in _starts(fit)]
     best = min(tried, key=lambda minimum: float(np.nan_to_num(minimum.equations.cost, nan=np.inf)))
-    if not np.isfinite(best.equations.cost):
+    if not np.isfinite(best.equations.cost) or not (best := problem.ended(best, fit.bandwidth)).converged:
         return ()
     other = fit_with_errors(problem, fit.bandwidth, best, best.evaluations)
     found = (_compared(a, b) for a, b in zip(fit.parameters, other.parameters, strict=True))
     return tuple(opinion for opinion in found if opinion is not None)
+
+
+def _begun(log: Log, fit: Fit, instants: list[str]) -> Array:
+    """(R, n) initial states of another log with the parameters of a fit.
+
+    From states off the motion, a descent would first change the parameters, and end where nothing fits.
+    """
+    still = Problem.of(log, fit.model, fixed=[*instants, *fit.model.names], known=fit.known)
+    best = still.minimise(still.pack(fit.model.values, first_states(log)), fit.bandwidth, 0.0)
+    return still.unpack(best.point)[1]
 
 
 def _starts(fit: Fit) -> list[Array]:
@@ -82,7 +94,7 @@ def _compared(here: FittedParameter, there: FittedParameter) -> HoldoutDifferenc
         return None
     if there.value is None or there.std is None or there.at_bound:
         return None
-    value = there.value
+    value, much = there.value, False
     if here.value is not None and here.std is not None:
         apart, size = value - here.value, abs(here.value)
         if here.name.endswith(".phase"):
@@ -92,8 +104,10 @@ def _compared(here: FittedParameter, there: FittedParameter) -> HoldoutDifferenc
         sharper = here.std > max(_SHARPER * there.std, _MATTERS * size)
         if here.at_bound or not (differs or sharper):
             return None
+        much = bool(differs and abs(apart) > LIKELY * size)
     return HoldoutDifference(
         parameter=here.name,
+        much=much,
         value=here.value,
         std=here.std,
         held_out_value=value,

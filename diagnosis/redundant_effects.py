@@ -32,7 +32,7 @@ def beside_curves(
 
     Args:
         base: fit of the base model.
-        explanations: all fitted sets.
+        explanations: all fitted sets, with each observer.
         found: those that are not ruled out.
         held_out: validation data.
     """

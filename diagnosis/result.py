@@ -196,6 +196,7 @@ class Findings:
         replays: the held-out runs, measured and simulated.
         whiteness: share of the extended model's innovations that is predictable from their past, 0 if white [-].
         only_in_validation: where the validation data show an error that the estimation data do not; None if nowhere.
+        contradicted: what in the validation data contradicts the model, so that no effect is sure; None if nothing.
     """
 
     verdict: Verdict
@@ -216,6 +217,7 @@ class Findings:
     replays: tuple[Replay, ...]
     whiteness: float
     only_in_validation: str | None = None
+    contradicted: str | None = None
 
     @property
     def model(self) -> ServoModel:

@@ -7,7 +7,7 @@ the evidence alone (`Posterior.of`), but smaller, is a minor effect.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,6 +80,12 @@ def judged(
         minor={name: p for name, p in minor.items() if name not in causes},
         depends_on=variables(posterior, missing, ruled_out or frozenset()) if left else (),
     )
+
+
+def doubted(judgement: Judgement) -> Judgement:
+    """The judgement with no effect sure, as the validation data contradict the model."""
+    causes = {name: min(p, SURE) for name, p in judgement.causes.items()}
+    return replace(judgement, causes=causes, verdict="ambiguous" if judgement.verdict == "named" else judgement.verdict)
 
 
 def variables(posterior: Posterior, missing: ResidualTorque, ruled_out: frozenset[str]) -> tuple[str, ...]:

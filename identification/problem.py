@@ -174,7 +174,7 @@ class Problem(Objective):
                 break
         if not self._plausible(best) or log_likelihood(best.equations.cost, self.samples) < least:
             return None
-        ended = problem._ended(best, fit.bandwidth)
+        ended = problem.ended(best, fit.bandwidth)
         return fit_with_errors(problem, fit.bandwidth, ended, evaluations - best.evaluations)
 
     def polished(self, fit: Fit) -> Fit:
@@ -273,9 +273,9 @@ class Problem(Objective):
                 attempt(min(vertex, fastest))
         top = best()
         found = trials[top].minimum
-        return top, self._ended(found, top)
+        return top, self.ended(found, top)
 
-    def _ended(self, minimum: Minimum, bandwidth: float) -> Minimum:
+    def ended(self, minimum: Minimum, bandwidth: float) -> Minimum:
         """The minimum with exact friction, iterated until it converges."""
         if minimum.converged:
             return minimum

@@ -1,4 +1,4 @@
-"""What held-out data would have otherwise is said beside the diagnosis, and changes nothing in it."""
+"""Parameters that differ in validation data are reported, and no effect is sure then; the model stays as it is."""
 
 from dataclasses import replace
 
@@ -56,14 +56,17 @@ def test_a_log_that_excites_more_shows_what_the_first_could_not(swing, noise, kn
     assert ("cannot tell" in str(inertia)) != known
 
 
-@pytest.mark.long
-def test_a_diagnosis_reports_it_and_ignores_it():
+def test_no_effect_is_sure_that_needs_very_different_values():
     log = log_of(rubbing(0.3), 1)
     candidates = ["coulomb_friction"]
     same = diagnose(log, None, log_of(rubbing(0.3), 2), candidates=candidates)
-    other = diagnose(log, None, log_of(rubbing(0.6), 2), candidates=candidates)
-    assert not any("validation data alone" in warning for warning in same.warnings)
-    assert any("coulomb friction: torque 0.6" in warning for warning in other.warnings)
+    other = diagnose(log, None, log_of(rubbing(0.47), 2), candidates=candidates)
+    assert (same.verdict, same.contradicted) == ("named", None)
+    assert same.causes[0].probability > 0.9
+    assert not any("validation data" in warning and "alone" in warning for warning in same.warnings)
+    assert (other.verdict != "named", other.causes[0].probability) == (True, 0.9)
+    assert "the validation data contradict the model" in str(other).splitlines()[0]
+    assert any("no effect is sure" in each and "coulomb friction: torque 0.47" in each for each in other.warnings)
     np.testing.assert_array_equal(same.model.values, other.model.values)
 
 
@@ -101,7 +104,7 @@ def test_phases_are_compared_around_the_circle(there, message):
 
 
 def test_the_noise_has_the_colour_that_was_found(fitted):
-    """Behind noise that lasts, a fit that takes it for white tells the friction less well."""
+    """The estimates of ten such records scatter by 0.012 N m; a fit that takes the noise for white claims less."""
     (run,) = log_of(rubbing(0.6), 2).runs
     shake = np.random.default_rng(1).standard_normal(len(run))
     noise = 0.01 * lfilter([np.sqrt(1.0 - 0.95**2)], [1.0, -0.95], shake)
@@ -109,7 +112,8 @@ def test_the_noise_has_the_colour_that_was_found(fitted):
     aware = replace(fitted, log=replace(fitted.log, colour=(0.95, 0.0)))
     (plain,), (coloured,) = (holdout_differences(found, noisy) for found in (fitted, aware))
     assert plain.parameter == coloured.parameter == "coulomb_friction.torque"
-    assert coloured.held_out_std < 0.7 * plain.held_out_std
+    assert coloured.held_out_std == pytest.approx(0.012, rel=0.05)
+    assert plain.held_out_std < 0.95 * coloured.held_out_std
 
 
 def test_a_wave_shifted_by_half_a_period_is_found_again():

@@ -75,7 +75,12 @@ def _of_causes(diagnosis: Findings) -> str:
     torn = any(_close(cause) for cause in uncertain)
     known = f"The model lacks {joined_words(named)}" if named else ""
     acts = torque_or_force(diagnosis.residual_before.unit)
-    which = "; this log does not show which" if torn else f"; the unexplained {acts} is about as large"
+    large = (
+        "the validation data contradict the model"
+        if diagnosis.contradicted
+        else f"the unexplained {acts} is about as large"
+    )
+    which = "; this log does not show which" if torn else f"; {large}"
     unclear = f"probably lacks {joined_words(open_ones, 'or')}{which}" if open_ones else ""
     if known and unclear:
         return f"{known}{whether}. It also {unclear}."
