@@ -16,12 +16,11 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.search_over_sets import explore, explore_from
-from diagnosis.explanation.wording import joined_words, title_of
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import Tenable, predicts_worse, tenable
 from diagnosis.formula_suggestion import suggested_formula
 from diagnosis.holdout import measure_gain, remaining
-from diagnosis.holdout_refit import HoldoutDifference, holdout_differences
+from diagnosis.holdout_refit import contradiction, holdout_differences, validation_warnings
 from diagnosis.identifiability import identifiability_warnings, standstill
 from diagnosis.inverse_model import (
     explains_less_than_a_regression,
@@ -31,7 +30,7 @@ from diagnosis.inverse_model import (
     unexplained_in_validation,
     unexplained_torque,
 )
-from diagnosis.levels import CLEARLY, DECISIVE, LIKELY, SIGNIFICANT, SURE
+from diagnosis.levels import CLEARLY, DECISIVE, LIKELY, SURE
 from diagnosis.long_log import stretches
 from diagnosis.redundant_effects import beside_curves
 from diagnosis.refit import estimates
@@ -109,15 +108,15 @@ def diagnose_once(
         final = described
         gain, _, replays = measure_gain(held_out, [null, final])
         left = remaining(gain, judgement.depends_on)
-    differences = holdout_differences(final, held_out)
-    contradicted = _contradiction(found, differences) if any(p > SURE for p in judgement.causes.values()) else None
-    judgement = judgement if contradicted is None else doubted(judgement)
     beside = best.discrepancy.posterior
+    something = judgement.verdict == "named" and most and beside.something > SURE
+    differences = holdout_differences(final, held_out)
+    contradicted = contradiction(found, differences) if any(p > SURE for p in judgement.causes.values()) else None
+    judgement = judgement if contradicted is None else doubted(judgement)
     logs = recorded if inverse else (null.log, held_out)
     torque_error = inverse_errors(*logs, null.model, final.model)
     absurd = None if inverse else unexplained_torque(final)
     nowhere = None if inverse else unexplained_in_validation(final, held_out)
-    something = judgement.verdict == "named" and most and beside.something > SURE
     if alone is not None or absurd is not None or something:
         judgement = replace(judgement, verdict="unknown")
     return Diagnosis(
@@ -137,7 +136,7 @@ def diagnose_once(
             *_of_data(null, [*notes, *filter(None, (shorter,))]),
             *filter(None, (absurd or nowhere or torque_predicted_worse(torque_error),)),
             *_of_the_end(null, final, held_out),
-            *_of_the_validation(differences, contradicted),
+            *validation_warnings(differences, contradicted),
         ),
         base=null,
         extended=final,
@@ -189,18 +188,6 @@ def _explains_torque(fit: Fit) -> bool:
     if torque_log_likelihood_gain(fit) < DECISIVE:
         return False
     return fit.log.response == "torque" or not explains_less_than_a_regression(fit)
-
-
-def _contradiction(found: Tenable, differences: Sequence[HoldoutDifference]) -> str | None:
-    """What contradicts the effects: one has very different values in the validation data, or makes them worse; or None.
-
-    A right set describes other data of the machine too. If one of its effects does not, each may stand for another.
-    """
-    different = [str(each) for each in differences if each.much and each.parameter.split(".")[0] in found.without]
-    if different:
-        return f"fitted to the validation data alone, the model has {'; '.join(different)}"
-    harmful = [name for name, (gain, std) in found.gains.items() if gain < -SIGNIFICANT * std]
-    return f"they are predicted better without {joined_words(sorted(map(title_of, harmful)))}" if harmful else None
 
 
 def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
@@ -307,15 +294,6 @@ def _of_the_end(null: Fit, final: Fit, held_out: Log) -> list[str]:
         suggested_formula(final),
     ]
     return [each for each in found if each is not None]
-
-
-def _of_the_validation(differences: Sequence[HoldoutDifference], contradicted: str | None) -> list[str]:
-    """A warning about other parameters in the validation data."""
-    if contradicted is not None:
-        return [f"The validation data contradict the model, so no effect is sure: {contradicted}."]
-    if not differences:
-        return []
-    return [f"Fitted to the validation data alone, the model has {'; '.join(map(str, differences))}."]
 
 
 def predictable_share(innovations: Array, lags: int = 10) -> float:

@@ -6,12 +6,14 @@ effect stands for something else. So no effect is sure if one needs very differe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.explanation.wording import measured
-from diagnosis.levels import LIKELY
+from diagnosis.explanation.wording import joined_words, measured, title_of
+from diagnosis.falsification import Tenable
+from diagnosis.levels import LIKELY, SIGNIFICANT
 from identification.fit_result import Fit, FittedParameter
 from identification.log import Log
 from identification.problem import Problem, first_states
@@ -67,6 +69,27 @@ def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]
     other = fit_with_errors(problem, fit.bandwidth, best, best.evaluations)
     found = (_compared(a, b) for a, b in zip(fit.parameters, other.parameters, strict=True))
     return tuple(opinion for opinion in found if opinion is not None)
+
+
+def contradiction(found: Tenable, differences: Sequence[HoldoutDifference]) -> str | None:
+    """What contradicts the effects: one has very different values in the validation data, or makes them worse; or None.
+
+    A right set describes other data of the machine too. If one of its effects does not, each may stand for another.
+    """
+    different = [str(each) for each in differences if each.much and each.parameter.split(".")[0] in found.without]
+    if different:
+        return f"fitted to the validation data alone, the model has {'; '.join(different)}"
+    harmful = [name for name, (gain, std) in found.gains.items() if gain < -SIGNIFICANT * std]
+    return f"they are predicted better without {joined_words(sorted(map(title_of, harmful)))}" if harmful else None
+
+
+def validation_warnings(differences: Sequence[HoldoutDifference], contradicted: str | None) -> tuple[str, ...]:
+    """A warning about other parameters in the validation data, if there are any."""
+    if contradicted is not None:
+        return (f"The validation data contradict the model, so no effect is sure: {contradicted}.",)
+    if not differences:
+        return ()
+    return (f"Fitted to the validation data alone, the model has {'; '.join(map(str, differences))}.",)
 
 
 def _begun(log: Log, fit: Fit, instants: list[str]) -> Array:

@@ -99,6 +99,20 @@ def test_a_constant_torque_is_reported_and_refused(recwarn):
         diagnose(log, inverse=True)
 
 
+def test_a_constant_command_is_doubted_unless_it_is_one_step():
+    time = 0.005 * np.arange(600)
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(600)
+    told = []
+    for name, path in (
+        ("setpoint", np.sin(3.0 * time)),
+        ("voltage", np.sin(3.0 * time)),
+        ("voltage", time - np.tanh(time)),
+    ):
+        log = Log.from_arrays(**{"time": time, name: np.full(600, 2.0), "angle": path + noise})
+        told.append(any(f"'{name}' is 2 throughout while the load moves" in text for text in log.warnings))
+    assert told == [True, True, False]
+
+
 def test_degrees_by_the_encoder_by_the_wraps_and_by_gravity():
     log = columns()
     degrees = np.rad2deg(log["angle"])
