@@ -111,7 +111,8 @@ def diagnose_once(
     beside = best.discrepancy.posterior
     something = judgement.verdict == "named" and most and beside.something > SURE
     differences = holdout_differences(final, held_out)
-    contradicted = contradiction(found, differences) if any(p > SURE for p in judgement.causes.values()) else None
+    sure = [name for name, p in judgement.causes.items() if p > SURE]
+    contradicted = contradiction(sure, found.gains, differences)
     judgement = judgement if contradicted is None else doubted(judgement)
     logs = recorded if inverse else (null.log, held_out)
     torque_error = inverse_errors(*logs, null.model, final.model)

@@ -6,14 +6,13 @@ effect stands for something else. So no effect is sure if one needs very differe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.explanation.wording import joined_words, measured, title_of
-from diagnosis.falsification import Tenable
-from diagnosis.levels import LIKELY, SIGNIFICANT
+from diagnosis.levels import LIKELY
 from identification.fit_result import Fit, FittedParameter
 from identification.log import Log
 from identification.problem import Problem, first_states
@@ -71,16 +70,24 @@ def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]
     return tuple(opinion for opinion in found if opinion is not None)
 
 
-def contradiction(found: Tenable, differences: Sequence[HoldoutDifference]) -> str | None:
-    """What contradicts the effects: one has very different values in the validation data, or makes them worse; or None.
+def contradiction(
+    sure: Collection[str], gains: Mapping[str, tuple[float, float]], differences: Sequence[HoldoutDifference]
+) -> str | None:
+    """What in the validation data contradicts effects that seem sure; None if nothing does.
 
-    A right set describes other data of the machine too. If one of its effects does not, each may stand for another.
+    A right set describes other data of the machine too. If one of its effects has very different values there, or makes
+    the prediction worse, each may stand for another.
+
+    Args:
+        sure: names of these effects.
+        gains: reduction of the validation error by each effect, and its standard error.
+        differences: parameters that differ on the validation data.
     """
-    different = [str(each) for each in differences if each.much and each.parameter.split(".")[0] in found.without]
+    different = [str(each) for each in differences if each.much and each.parameter.split(".")[0] in sure]
     if different:
         return f"fitted to the validation data alone, the model has {'; '.join(different)}"
-    harmful = [name for name, (gain, std) in found.gains.items() if gain < -SIGNIFICANT * std]
-    return f"they are predicted better without {joined_words(sorted(map(title_of, harmful)))}" if harmful else None
+    harmful = sorted(title_of(name) for name in sure if name in gains and gains[name][0] < 0.0)
+    return f"they are predicted better without {joined_words(harmful)}" if harmful else None
 
 
 def validation_warnings(differences: Sequence[HoldoutDifference], contradicted: str | None) -> tuple[str, ...]:

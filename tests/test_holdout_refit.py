@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from diagnosis import diagnose
 from diagnosis.explanation.wording import measured
-from diagnosis.holdout_refit import _compared, holdout_differences
+from diagnosis.holdout_refit import _compared, contradiction, holdout_differences
 from identification.fit import fit
 from identification.fit_result import FittedParameter
 from identification.log import Log
@@ -68,6 +68,12 @@ def test_no_effect_is_sure_that_needs_very_different_values():
     assert "the validation data contradict the model" in str(other).splitlines()[0]
     assert any("no effect is sure" in each and "coulomb friction: torque 0.47" in each for each in other.warnings)
     np.testing.assert_array_equal(same.model.values, other.model.values)
+
+
+def test_an_effect_that_makes_the_validation_data_worse_contradicts():
+    gains = {"backlash": (-0.01, 0.1), "cogging": (0.5, 0.1)}
+    assert contradiction(["backlash", "cogging"], gains, ()) == "they are predicted better without backlash"
+    assert contradiction(["cogging"], gains, ()) is None  # one that is not sure contradicts nothing
 
 
 def line(value: float | None, std: float | None, name: str = "viscous_friction") -> FittedParameter:
