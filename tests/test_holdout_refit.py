@@ -70,7 +70,7 @@ def test_no_effect_is_sure_that_needs_very_different_values():
     np.testing.assert_array_equal(same.model.values, other.model.values)
 
 
-def test_an_effect_that_makes_the_validation_data_worse_contradicts():
+def test_a_sure_effect_that_harms_validation_contradicts():
     gains = {"backlash": (-0.01, 0.1), "cogging": (0.5, 0.1)}
     assert contradiction(["backlash", "cogging"], gains, ()) == "they are predicted better without backlash"
     assert contradiction(["cogging"], gains, ()) is None  # one that is not sure contradicts nothing
