@@ -32,6 +32,14 @@ def better_description(fit: Fit, described: Fit, held_out: Log) -> bool:
     cost = 0.5 * (len(described.free) - len(fit.free)) * float(np.log(fit.samples))
     if described is fit or described.log_likelihood - fit.log_likelihood <= cost:
         return False
-    before, after = (errors_of_many_steps(each.model, held_out) for each in (fit, described))
-    gain, std = cut(before, after)
+    return _predicts_better(fit, described, held_out)
+
+
+def worse_description(base: Fit, fit: Fit, held_out: Log) -> bool:
+    """Whether a fit predicts validation data significantly worse than the base model; then it describes nothing."""
+    return fit is not base and _predicts_better(fit, base, held_out)
+
+
+def _predicts_better(fit: Fit, other: Fit, held_out: Log) -> bool:
+    gain, std = cut(*(errors_of_many_steps(each.model, held_out) for each in (fit, other)))
     return gain > SIGNIFICANT * std

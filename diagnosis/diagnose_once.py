@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.description import better_description, likeliest
+from diagnosis.description import better_description, likeliest, worse_description
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
@@ -104,7 +104,12 @@ def diagnose_once(
     alone, most = None, left.share > 0.5  # most of the error remains unexplained
     if judgement.verdict != "unknown" and (not judgement.causes or most):
         alone = only_in_validation(final, held_out)
-    if not found.without and better_description(final, described := likeliest(found.posterior, null), held_out):
+    described = final
+    if not found.without and better_description(final, other := likeliest(found.posterior, null), held_out):
+        described = other
+    if not judgement.causes and worse_description(null, described, held_out):
+        described = null
+    if described is not final:
         final = described
         gain, _, replays = measure_gain(held_out, [null, final])
         left = remaining(gain, judgement.depends_on)

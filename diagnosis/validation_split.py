@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.errors import Unidentifiable
 from identification.log import Log
 from identification.run import Run
 from plant.effects.effect import Array
@@ -101,7 +102,10 @@ def split_otherwise(log: Log) -> tuple[Log, Log, str] | None:
 
 
 def _moving_part(log: Log) -> tuple[Log, Log, str]:
-    """Division of a single run with standstill at its end: idle ends are left out, 30 % of the rest is held out."""
+    """Division of a single run with standstill at its end: idle ends are left out, 30 % of the rest is held out.
+
+    Raises `Unidentifiable` if the rest is too short to be divided.
+    """
     (run,) = log.runs
     lively = np.flatnonzero(_lively(run, log))
     begin, end = int(lively[0]), int(lively[-1]) + 1
@@ -112,6 +116,11 @@ def _moving_part(log: Log) -> tuple[Log, Log, str]:
     span = f"from {_clock(run, start)} to {_clock(run, stop - 1)} s"
     held = replace(run.slice(start, stop), label=f"{run.label} {span}")
     kept = tuple(run.slice(*part) for part in ((begin, start), (stop, end)) if part[1] - part[0] >= _LEAST)
+    if not kept:
+        raise Unidentifiable(
+            f"The load moves in {end - begin} samples of this log only, too few for a model and a part for validation; "
+            "record a longer motion, or give validation data with --holdout (in Python holdout=...)."
+        )
     sentence = f"Validation data: {span} of the only run; standstill at its ends is left out."
     return replace(log, runs=kept), replace(log, runs=(held,)), sentence
 

@@ -10,7 +10,7 @@ from hanging_pendulum import hanging_pendulum
 from machine import Machine, excitation, record
 
 from diagnosis import diagnose, diagnose_once
-from diagnosis.description import better_description, likeliest
+from diagnosis.description import better_description, likeliest, worse_description
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.summary import _described
 from diagnosis.refit import fitted_from, problem_near
@@ -43,6 +43,13 @@ def test_a_likelier_model_that_predicts_no_better_is_none(fits: tuple[Fit, Fit, 
     """One step ahead, a faster observer alone makes a model likelier."""
     base, _, validation = fits
     assert not better_description(base, replace(base, log_likelihood=base.log_likelihood + 1e4), validation)
+
+
+def test_a_model_that_predicts_worse_than_the_base_model_is_none(fits: tuple[Fit, Fit, Log]) -> None:
+    base, hanging, validation = fits
+    assert worse_description(hanging, base, validation)
+    assert not worse_description(base, hanging, validation)
+    assert not worse_description(base, base, validation)
 
 
 def test_too_many_parameters_are_no_better_description(fits: tuple[Fit, Fit, Log]) -> None:
@@ -80,6 +87,10 @@ def test_a_diagnosis_carries_the_description(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(diagnose_once, "likeliest", marked)
     monkeypatch.setattr(diagnose_once, "better_description", lambda fit, other, held_out: other in described)
-    found = diagnose(record(Machine(), excitation(4, duration=15.0), seed=4).log(), candidates=["quadratic_drag"])
+    log = record(Machine(), excitation(4, duration=15.0), seed=4).log()
+    found = diagnose(log, candidates=["quadratic_drag"])
     assert not found.without
     assert found.extended is described[-1]
+    monkeypatch.setattr(diagnose_once, "worse_description", lambda base, fit, held_out: fit in described)
+    found = diagnose(log, candidates=["quadratic_drag"])
+    assert found.extended is found.base

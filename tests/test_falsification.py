@@ -11,7 +11,7 @@ from front_door import columns
 from diagnosis.explanation.wording import change, percent
 from diagnosis.measured_motion import MeasuredMotion, measurement_noise
 from diagnosis.validation_split import parts, split
-from identification import Log
+from identification import Log, Unidentifiable
 
 LOG = Log.from_arrays(**columns())  # its torque is 2 N m at most
 
@@ -42,6 +42,12 @@ def test_the_held_out_part_moves_like_the_rest():
     assert kept.runs[0].duration + held.runs[0].duration < 12.3
     assert held.runs[0].duration == pytest.approx(3.4, abs=0.4)
     assert np.ptp(held.runs[0].output) > 0.1 * np.ptp(LOG.runs[0].output)
+
+
+def test_a_motion_too_short_to_be_divided_is_refused():
+    run = with_rest(900).runs[0]
+    with pytest.raises(Unidentifiable, match=r"The load moves in \d+ samples of this log only"):
+        split(replace(LOG, runs=(run.slice(len(run) - 940, None),)))
 
 
 def test_runs_that_stand_still_are_not_held_out():
