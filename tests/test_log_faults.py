@@ -211,6 +211,15 @@ def test_a_buffer_that_was_put_in_twice(clean):
     np.testing.assert_array_equal(np.concatenate([run.output for run in log.runs]), clean("open loop")["angle"])
 
 
+def test_a_copy_ends_where_the_command_is_another_one(clean):
+    """The encoder has the same value before and behind the copy by chance."""
+    spoilt = clean("open loop")
+    spoilt["angle"][699:801] = spoilt["angle"][99:201]
+    spoilt["torque"][700:800] = spoilt["torque"][100:200]
+    log = Log.from_arrays(**spoilt)
+    assert any("100 samples of 'angle' are an exact copy of those from row 101 on" in text for text in log.repairs)
+
+
 def test_a_motion_that_repeats_under_another_torque_is_no_copy(clean):
     spoilt = clean("open loop")
     spoilt["angle"][700:850] = spoilt["angle"][100:250]

@@ -169,7 +169,6 @@ def test_backlash_is_found_though_its_fit_is_slow() -> None:
     assert {cause.effect for cause in found.causes} == {"asymmetric_friction", "backlash"}
 
 
-@pytest.mark.long
 def test_a_set_is_judged_with_an_observer_where_it_is_possible() -> None:
     """Without an observer asymmetric friction has the most evidence, with an inertia of 100 t m^2 and 10^8 N m."""
     made = drawn(2)

@@ -7,6 +7,8 @@ repeated motion may give the same values, and nothing is reported.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from identification.checks.faults import quantum, stretches
@@ -75,14 +77,22 @@ def _noisy(values: Array) -> bool:
     return alternate < -0.7 and level**2 > step**2 * (1 / 12 + _LEAST_NOISE**2)
 
 
+def _copied(channels: Iterable[Array], first: int, second: int, length: int) -> tuple[int, int, int]:
+    """The longest stretch of a repeated part in which other channels are repeated too.
+
+    An encoder may have the same value before or behind a copy by chance.
+    """
+    pairs = [(values[first:][:length], values[second:][:length]) for values in channels]
+    same = np.all([(a == b) | (np.isnan(a) & np.isnan(b)) for a, b in pairs], axis=0)
+    begin, end = max(stretches(same), key=lambda span: span[1] - span[0], default=(0, 0))
+    return first + begin, second + begin, end - begin
+
+
 def drop_repeats(recording: Recording) -> tuple[list[Recording], list[Finding]]:
     """Leave out the second copy of a part, and split the run there."""
+    repeated = find_repeats(np.where(recording.valid, recording.output, np.nan))
     beside = (recording.command, *recording.others.values())
-    found = [
-        (first, second, length)
-        for first, second, length in find_repeats(np.where(recording.valid, recording.output, np.nan))
-        if all(np.array_equal(v[first:][:length], v[second:][:length], equal_nan=True) for v in beside)
-    ]
+    found = [copy for part in repeated if (copy := _copied(beside, *part))[2] >= SHORTEST]
     if not found:
         return [recording], []
     keep = np.ones(len(recording), dtype=bool)
