@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -60,8 +61,8 @@ def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]
     ]
     log = replace(holdout, colour=fit.log.colour)
     problem = Problem.of(log, fit.model, fixed=instants, known=fit.known)
-    begun = _begun(log, fit, instants)
-    tried = [problem.minimise(problem.pack(values, begun), fit.bandwidth, 0.0, _TRIED) for values in _starts(fit)]
+    points = [problem.pack(*at) for at in product(_starts(fit), (first_states(log), _begun(log, fit, instants)))]
+    tried = [problem.minimise(point, fit.bandwidth, 0.0, _TRIED) for point in points]
     best = min(tried, key=lambda minimum: float(np.nan_to_num(minimum.equations.cost, nan=np.inf)))
     if not np.isfinite(best.equations.cost) or not (best := problem.ended(best, fit.bandwidth)).converged:
         return ()
@@ -102,7 +103,7 @@ def validation_warnings(differences: Sequence[HoldoutDifference], contradicted: 
 def _begun(log: Log, fit: Fit, instants: list[str]) -> Array:
     """(R, n) initial states of another log with the parameters of a fit.
 
-    From states off the motion, a descent would first change the parameters, and end where nothing fits.
+    From states off the motion, a descent may first change the parameters; if these are wrong, so are the states.
     """
     still = Problem.of(log, fit.model, fixed=[*instants, *fit.model.names], known=fit.known)
     best = still.minimise(still.pack(fit.model.values, first_states(log)), fit.bandwidth, 0.0)
