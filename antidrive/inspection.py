@@ -99,7 +99,7 @@ def inspected(options: LogOptions, tell: Callable[[str], None] | None = None) ->
     reading = options.reading()
     tables = [read_table(path) for path in options.files]
     facts = tuple(_understood(table, reading) for table in joined_if_needed(tables, reading))
-    held = Log.of_files(options.holdout, reading) if options.holdout else None
+    held = options.read_holdout(reading)
     try:
         log = Log.of_tables(tables, reading)
     except MissingColumns:  # it has the columns already

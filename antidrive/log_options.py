@@ -150,13 +150,26 @@ class LogOptions:
         done = Parts(2 * (len(self.files) + len(self.holdout)), tell, doing="reading").done
         reading = self.reading()
         log = Log.of_files(self.files, reading, done)
-        holdout = Log.of_files(self.holdout, reading, done) if self.holdout else None
+        holdout = self.read_holdout(reading, done)
         if holdout is not None:
             from diagnosis.validation_split import fitted_too
 
             if (both := fitted_too(log, holdout)) is not None:
                 raise BadParameter(f"--holdout {both}: is fitted too, so it validates nothing; give another log.")
         return Measured(log=log, holdout=holdout)
+
+    def read_holdout(self, reading: Reading, done: Callable[[], None] = lambda: None) -> Log | None:
+        """The validation log, read like the log; None without one.
+
+        Where names of columns have the name of a file before them, the validation files take the places of the log's.
+        """
+        if not self.holdout:
+            return None
+        if len(self.holdout) == len(self.files):
+            instead = {one.stem: other.stem for one, other in zip(self.files, self.holdout, strict=True)}
+            mapping = {column: _in_file(name, instead) for column, name in reading.mapping.items()}
+            reading = replace(reading, mapping=mapping)
+        return Log.of_files(self.holdout, reading, done)
 
     def _known(self) -> Measured:
         typed = {"--map": self.mapping, "--unit": self.units, "--scale": self.scales, "--gears": self.gears}
@@ -186,6 +199,12 @@ class LogOptions:
             fixed=loaded.fixed,
             inverse=loaded.inverse,
         )
+
+
+def _in_file(name: str, instead: Mapping[str, str]) -> str:
+    """A name of a column, `drive/torque`, with another file before it."""
+    file, slash, column = name.partition("/")
+    return f"{instead[file]}/{column}" if slash and file in instead else name
 
 
 def _factor(text: str) -> float:

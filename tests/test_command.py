@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification import fit
-from identification.errors import MalformedLog
+from identification.errors import MalformedLog, MissingColumns, UnusableLog
 from identification.log import Log
 from identification.simulation import free_simulation
 from mpc import Controller
@@ -215,3 +215,35 @@ def test_the_torques_of_two_motors_are_added_and_reported():
     geared = Log.read(path, gears=Ratios.parse("8.05"), **options)
     np.testing.assert_allclose(geared.runs[0].command, 8.05 * (first + second))
     assert not any("gear train" in note for note in geared.notes)
+
+
+FIRST, SECOND = 0.4 + np.maximum(TORQUE, 0.0), 0.4 - np.minimum(TORQUE, 0.0)  # each pushes in its own direction
+
+
+def test_currents_of_two_motors_are_torques_at_their_pinions():
+    currents = {"current_1": FIRST / 0.11, "current_2": SECOND / 0.11}
+    how = {"time": TIME, "angle": ANGLE, "gears": Ratios(ratios=(1.0, -1.0))}
+    log = Log.from_arrays(**currents, **how, torque_constant=0.11)
+    assert (log.command_unit, log.notes) == ("N m", ())
+    np.testing.assert_allclose(log.runs[0].command, TORQUE, atol=1e-12)
+    np.testing.assert_allclose(log.runs[0].torques, np.column_stack((FIRST, SECOND)))
+    without = Log.from_arrays(**currents, **how)
+    assert without.command_unit == "A"
+    assert any("per ampere; give the motor's" in note for note in without.notes)
+    np.testing.assert_allclose(without.runs[0].command, TORQUE / 0.11, atol=1e-12)
+    assert without.runs[0].torques is None
+    with pytest.raises(MissingColumns, match="'current_1' and 'current_2'"):  # one of two is no command
+        Log.from_arrays(time=TIME, angle=ANGLE, current_1=FIRST)
+
+
+def test_the_sign_of_one_of_two_currents_is_told():
+    with pytest.raises(UnusableLog, match="--scale current_2=-1 turns it"):
+        Log.from_arrays(time=TIME, angle=ANGLE, current_1=FIRST, current_2=SECOND).usable()
+
+
+def test_two_motors_push_a_linear_axis():
+    torques = {"torque_1": 0.3 + TORQUE, "torque_2": 0.3 - TORQUE}
+    how = {"units": {"position": "mm"}, "gears": Ratios(ratios=(40.0, -40.0))}
+    log = Log.from_arrays(time=TIME, position=1e3 * ANGLE, **torques, **how)
+    assert (log.axis, log.command_unit) == ("linear", "N")
+    np.testing.assert_allclose(log.runs[0].command, 80.0 * TORQUE, atol=1e-12)

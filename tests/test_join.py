@@ -11,6 +11,7 @@ from sample_logs import motion, write
 from scipy.io import savemat
 from test_malformed_logs import check_sentence
 
+from antidrive.log_options import LogOptions
 from identification import Log
 from identification.errors import MalformedLog
 from identification.reading.clocks import on_one_clock
@@ -218,3 +219,16 @@ def test_prose_with_numbers_is_no_single_column(tmp_path):
     (tmp_path / "notes.txt").write_text("Measured on Monday\nin the laboratory\n12\n13\n14\n")
     with pytest.raises(MalformedLog, match="no table of numbers is found"):
         read_table(tmp_path / "notes.txt")
+
+
+def test_validation_files_stand_in_the_place_of_the_files(tmp_path):
+    paths = [tmp_path / f"{name}_{k}.txt" for k in (1, 2) for name in ("tau", "q")]
+    for k, path in enumerate(paths):
+        np.savetxt(path, (1 + k // 2) * SOUND["torque" if k % 2 == 0 else "angle"])
+    mapping = {"torque": "tau_1/1", "angle": "q_1/1"}
+    options = LogOptions(files=tuple(paths[:2]), holdout=tuple(paths[2:]), mapping=mapping, rate=200.0)
+    measured = options.read()
+    np.testing.assert_allclose(measured.log.runs[0].command, SOUND["torque"])
+    np.testing.assert_allclose(measured.holdout.runs[0].command, 2 * SOUND["torque"])
+    with pytest.raises(MalformedLog, match="no column 'tau_1/1'"):
+        LogOptions(files=tuple(paths[:2]), holdout=(paths[2],), mapping=mapping, rate=200.0).read()

@@ -162,3 +162,18 @@ def test_damaged_json_is_read_as_far_as_intact_or_refused(tmp_path):
                 assert read(tmp_path, "".join(damaged)).columns
             except AntidriveError as error:
                 check_sentence(str(error))
+
+
+def test_matrices_of_different_lengths_are_runs(tmp_path):
+    runs = {"slow-forward": ROWS[:50], "fast-forward": ROWS[50:]}
+    table = read(tmp_path, {**runs, "sysid": True, "units": "Radians"})
+    same(table, names=("1", "2", "3", "4")[: len(SOUND)])
+    assert table.columns["run"].tolist() == ["slow-forward"] * 50 + ["fast-forward"] * 30
+    named = {key: [list(SOUND), *rows] for key, rows in runs.items()}
+    same(read(tmp_path, named))
+
+
+def test_matrices_of_one_length_are_channels(tmp_path):
+    table = read(tmp_path, {"left": ROWS, "right": ROWS})
+    assert "run" not in table.columns
+    np.testing.assert_allclose(table.columns["right:2"], SOUND["torque"], rtol=1e-12)

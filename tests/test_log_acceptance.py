@@ -77,6 +77,9 @@ def test_an_angle_in_counts_is_no_angle_in_radians():
     assert Log.from_arrays(**log | {"angle": counts}, units={"angle": "turn/4096"}).faults == ()
     linear = {"time": log["time"], "force": log["torque"], "position": counts}
     assert "--unit position=mm/1000" in Log.from_arrays(**linear).faults[0]
+    few = np.round(3.0 * log["angle"] / np.ptp(log["angle"]))  # a short way on a coarse encoder
+    assert len(np.unique(few)) < 6
+    assert "whole numbers only" in Log.from_arrays(**log | {"angle": few}).faults[0]
 
 
 def test_a_torque_of_zero_is_reported_and_shows_nothing():

@@ -456,6 +456,7 @@ def test_a_duty_without_its_sign_is_mentioned():
     log = Log.from_arrays(time=time, duty=np.abs(MOVES), angle=angle)
     (text,) = (text for text in log.warnings if "only its size was logged" in text)
     assert "'duty' is never below zero, but 'angle' moves both ways" in text
+    assert "or name another command, for example --map setpoint=NAME" in text
     assert not any("size was logged" in text for text in Log.from_arrays(time=time, duty=MOVES, angle=angle).warnings)
 
 

@@ -102,6 +102,15 @@ def test_where_the_time_begins_anew_a_run_begins(tmp_path):
     assert "log.csv, row 301 (line 302), t = 0 s: the time goes back by 1.495 s, so a new run begins there" in warning
 
 
+def test_the_time_in_a_message_counts_from_the_earliest_run():
+    two = labelled("late", "early")
+    two["time"] = np.concatenate([130.0 + SOUND["time"], 100.0 + SOUND["time"]])
+    two["angle"] = two["angle"].copy()
+    two["angle"][400] += 1.0
+    (repair,) = Log.from_dataframe(pd.DataFrame(two)).repairs
+    assert "run early, row 401, t = 0.5 s after the start: 1 spike" in repair
+
+
 def test_experiments_out_of_order_are_runs_within_their_label():
     two = labelled("a", "b", "a")
     two["time"] = two["time"] - np.repeat([0.0, 0.0, 40.0], 300)

@@ -50,8 +50,8 @@ def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
 
 
 def in_whole_numbers(values: Array) -> bool:
-    """Whether values (T,) are many different whole numbers; no encoder has a resolution of a radian or a metre."""
-    return bool(np.all(values == np.round(values))) and len(np.unique(values)) >= _LEVELS
+    """Whether values (T,) are whole numbers, more than two; no encoder has a resolution of a radian or a metre."""
+    return bool(np.all(values == np.round(values))) and len(np.unique(values)) > 2
 
 
 def wraps_in_degrees(values: Array, index: NDArray[np.int64]) -> bool:

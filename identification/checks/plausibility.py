@@ -41,9 +41,10 @@ def check_time_unit(recording: Recording) -> None:
         )
         raise MalformedLog(f"{recording.label}: a sample time of {step:.3g} s is too slow to identify a servo; {hint}.")
     if step < FASTEST_SAMPLING:
+        example = ", for example --unit time=s" if "time" in recording.stated else " with --unit time=UNIT"
         raise MalformedLog(
             f"{recording.label}: a sample time of {step:.3g} s is faster than any servo log, "
-            "give the unit of the time with --unit time=UNIT."
+            f"give the unit of the time{example}."
         )
 
 

@@ -84,14 +84,14 @@ def sign_of_the_command(recordings: Sequence[Recording]) -> Iterable[Finding]:
             f"of them has the wrong sign: {_options(turned)} turns it"
         )
         if len(turned) == 1 and pairs:
-            one, two = first.name("torque_1"), first.name("torque_2")
+            one, two = map(first.name, _columns_of_two(first))
             text = (
                 f"{where}: '{output}' moves with the difference of '{one}' and '{two}' and not with "
                 f"their sum, so one of them has the wrong sign: {_options(turned)} turns it"
             )
         yield Finding(kind="sign of the command", repaired=False, text=text, unusable=True)
     elif _brakes([part.command for part in parts], runs):
-        columns = ("torque_1", "torque_2") if pairs else (_column(first),)
+        columns = _columns_of_two(first) if pairs else (_column(first),)
         text = (
             f"{where}: '{command}' opposes the motion almost all the time. Unless something else drives the "
             f"load, its sign is reversed: {_options(columns)} turns it"
@@ -109,8 +109,9 @@ def _turned(
     if opposed(pairs, runs):
         found = witnesses([first - second for first, second in pairs], runs)
         drives = found.inertia if abs(found.inertia) > SURE else found.work
-        return ("torque_2",) if drives > 0 else ("torque_1",)
-    return ("torque_1", "torque_2") if _against(commands, runs) else ()
+        one, two = _columns_of_two(parts[0])
+        return (two,) if drives > 0 else (one,)
+    return _columns_of_two(parts[0]) if _against(commands, runs) else ()
 
 
 def _options(columns: Sequence[str]) -> str:
@@ -140,6 +141,12 @@ def _work_done(commands: Sequence[Array], runs: Sequence[Sequence[View]]) -> flo
     return float(power.sum()) / max(float(np.abs(power).sum()), 1e-300)
 
 
+def _columns_of_two(recording: Recording) -> tuple[str, str]:
+    """The columns of two motors' currents, if they are what was logged, else of their torques."""
+    currents, torques = ("current_1", "current_2"), ("torque_1", "torque_2")
+    return currents if recording.others.keys() >= set(currents) else torques
+
+
 def _pairs(parts: Sequence[Recording]) -> list[tuple[Array, Array]]:
     """The two torques of each run; empty unless all runs have two."""
     pairs = [pair for pair in map(pinion_torques, parts) if pair is not None]
@@ -148,9 +155,10 @@ def _pairs(parts: Sequence[Recording]) -> list[tuple[Array, Array]]:
 
 def pinion_torques(recording: Recording) -> tuple[Array, Array] | None:
     """The part (T,) of each of two pinions in the command, if the command is their sum by the gears (eq. 2)."""
-    if "torque_1" not in recording.others or "torque_2" not in recording.others:
+    columns = _columns_of_two(recording)
+    if not recording.others.keys() >= set(columns):
         return None
-    pinions = np.column_stack([recording.others["torque_1"], recording.others["torque_2"]])
+    pinions = np.column_stack([recording.others[column] for column in columns])
     size = np.abs(pinions).max(axis=0)
     if not np.all(size > 0):
         return None

@@ -34,6 +34,6 @@ def size_of_the_command(recording: Recording) -> Iterable[Finding]:
         text = (
             f"{recording.label}: '{recording.name('command')}' is never below zero, but '{recording.name('output')}' "
             "moves both ways when it is large and rests when it is small, as if only its size was logged: give it the "
-            "sign of the drive's direction"
+            "sign of the drive's direction, or name another command, for example --map setpoint=NAME"
         )
         yield Finding(kind="size of the command", repaired=False, text=text)

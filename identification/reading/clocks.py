@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from identification.checks.timing import GAP
 from identification.errors import MalformedLog
+from identification.reading.reading_options import COMMANDS
 from identification.reading.runs import labels_of
 from identification.reading.table import Table
 from identification.recording import Array
-
-_DRIVES = ("torque", "torque_1", "torque_2", "force", "current", "voltage", "duty", "setpoint")
 
 
 def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
@@ -37,7 +36,7 @@ def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[st
         if own is None or own is clock or np.array_equal(own, clock):
             continue
         time = np.asarray(clock, dtype=np.float64)
-        columns[name] = _labels(table, name, time) if column == "run" else _moved(table, name, time, column in _DRIVES)
+        columns[name] = _labels(table, name, time) if column == "run" else _moved(table, name, time, column in COMMANDS)
         moved.append(name)
     notes = table.notes
     if moved:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from identification.errors import MalformedLog
 from identification.reading.cell_values import numbers_of
 from identification.reading.clocks import on_one_clock
-from identification.reading.command import Command, command_of
+from identification.reading.command import Command, command_of, with_motor_torques
 from identification.reading.headings import heading
 from identification.reading.inventory import refuse_missing
 from identification.reading.joints import select_joint
-from identification.reading.reading_options import Reading
+from identification.reading.reading_options import COMMANDS, Reading
 from identification.reading.recognition import Recognition, recognise
 from identification.reading.runs import labels_of, split_runs
 from identification.reading.stated_units import stated_units
@@ -31,7 +31,7 @@ _BARE = ("time", "duty", "run")  # without a unit, or with one that is recognise
 _STATED = {
     **{name: name for name in ("time", "velocity")},
     **dict.fromkeys(("angle", "position"), "output"),
-    **dict.fromkeys(("torque", "torque_1", "torque_2", "force", "current", "voltage", "duty"), "command"),
+    **{name: "command" for name in COMMANDS if name != "setpoint"},
 }
 
 
@@ -76,6 +76,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     kept, rows = _rows_with_numbers(table, channels)
     channels = {column: values[kept] for column, values in channels.items()}
     command = command_of(table.name, found, channels, axis, reading)
+    channels = with_motor_torques(channels, reading)
     output = "angle" if axis == "rotary" else "position"
     response: Response = "angle"
     if output not in channels:
@@ -180,13 +181,12 @@ def _axis(table: Table, found: Mapping[str, str], reading: Reading) -> str:
             f"{table.name}: '{found['angle']}' is an angle and '{found['position']}' a position; say which is the "
             f"response, --map angle={shlex.quote(found['angle'])} or --map angle={shlex.quote(found['position'])}."
         )
-    wrong = ("force",) if rotary else ("torque", "torque_1", "torque_2")
-    for column in wrong:
-        if column in found:
-            raise MalformedLog(
-                f"{table.name}: '{column}' does not go with '{'angle' if rotary else 'position'}'; a rotary axis has "
-                "torque and angle, a linear one force and position."
-            )
+    wrong = "force" if rotary else "torque"
+    if wrong in found:
+        raise MalformedLog(
+            f"{table.name}: '{wrong}' does not go with '{'angle' if rotary else 'position'}'; a rotary axis has "
+            "torque and angle, a linear one force and position."
+        )
     return "rotary" if rotary else "linear"
 
 

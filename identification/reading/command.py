@@ -13,12 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.errors import MalformedLog
-from identification.reading.reading_options import Reading
+from identification.reading.reading_options import CURRENTS_OF_TWO, TORQUES_OF_TWO, Reading
 from identification.recording import Array
 from plant.errors import BadParameter
 
-_KINDS = ("direct", "pinions", "current", "voltage", "duty", "setpoint")
+_KINDS = ("direct", "pinions", "currents", "current", "voltage", "duty", "setpoint")
 """The kinds of commands, the most direct measure of the torque first."""
+_OF_TWO = {"pinions": TORQUES_OF_TWO, "currents": CURRENTS_OF_TWO}
+_CONSTANT = "; give the motor's with --torque-constant"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,19 +53,19 @@ def command_of(
     Raises `MalformedLog` if the columns do not fit together, `BadParameter` for a constant without its column.
     """
     torque = "torque" if axis == "rotary" else "force"
-    columns = {"direct": (torque,), "pinions": ("torque_1", "torque_2")}
+    columns = {"direct": (torque,), **_OF_TWO}
     given = [kind for kind in _KINDS if all(column in channels for column in columns.get(kind, (kind,)))]
     _go_with(file, given, channels, reading)
     with_options = {
         kind
         for kind in given
         if any(column in reading.mapping for column in columns.get(kind, (kind,)))
-        or (kind == "current" and reading.torque_constant is not None)
+        or (kind in ("current", "currents") and reading.torque_constant is not None)
         or (kind == "setpoint" and reading.kp is not None)
     }
     kind = next((kind for kind in given if kind in with_options), given[0])
     command = _of_kind(kind, file, found, channels, axis, reading)
-    if reading.gears is None or "pinions" in given or kind == "setpoint":
+    if reading.gears is None or set(given).intersection(_OF_TWO) or kind == "setpoint":
         return command
     note = (
         f"the gear train is not applied to '{command.name}' of {file}, only to the torques of two motors; if it is the "
@@ -81,23 +83,22 @@ def _of_kind(
         return _servo(file, found, channels, axis, reading)
     if kind == "direct":
         return _plain(channels[torque], found[torque], unit)
-    if kind == "pinions":
-        return _pinions(file, found, channels, unit, reading)
+    if kind in _OF_TWO:
+        return _of_two_motors(kind, file, found, channels, unit, reading)
     if kind == "current" and reading.torque_constant is not None:
         return _plain(float(reading.torque_constant) * channels["current"], found["current"], unit)
     own = {"current": "A", "voltage": "V", "duty": "duty"}[kind]
     per = {"A": "per ampere", "V": "per volt", "duty": "per unit of duty"}[own]
-    help_by = "; give the motor's with --torque-constant" if own == "A" else ""
     note = (
         f"torque scale unknown: the command of {file} is the {kind} '{found[kind]}', so all parameters are "
-        f"{per}{help_by}"
+        f"{per}{_CONSTANT if own == 'A' else ''}"
     )
     return _plain(channels[kind], found[kind], own, note)
 
 
 def _go_with(file: str, given: list[str], channels: Mapping[str, Array], reading: Reading) -> None:
     """Raise an error for constants and gains without their columns."""
-    if reading.torque_constant is not None and "current" not in given:
+    if reading.torque_constant is not None and not {"current", "currents"}.intersection(given):
         raise BadParameter(
             f"A torque constant is given, but {file} has no column 'current'; name it with --map current=NAME."
         )
@@ -116,21 +117,40 @@ def _plain(values: Array, name: str, unit: str, *notes: str) -> Command:
     return Command(values=values, servo_gain=none, servo_damping=none, name=name, unit=unit, notes=notes)
 
 
-def _pinions(
-    file: str, found: Mapping[str, str], channels: Mapping[str, Array], unit: str, reading: Reading
+def _of_two_motors(
+    kind: str, file: str, found: Mapping[str, str], channels: Mapping[str, Array], unit: str, reading: Reading
 ) -> Command:
     """The sum of two drives' torques at the output gear, by the gear train; ratio one if none is given."""
+    one, two = (found[column] for column in _OF_TWO[kind])
     first, second = 1.0, 1.0
-    notes: tuple[str, ...] = ()
+    notes: list[str] = []
     if reading.gears is None:
-        notes = (
-            f"no gear train is given: '{found['torque_1']}' and '{found['torque_2']}' of {file} are taken at the "
-            "output gear and added; give --gears 20,20:161 or --ratio 8.05",
+        notes.append(
+            f"no gear train is given: '{one}' and '{two}' of {file} are taken at the "
+            "output gear and added; give --gears 20,20:161 or --ratio 8.05"
         )
     else:
         first, second = np.asarray(reading.gears.torque_map, dtype=np.float64)  # paper, eq. (2)
-    output_torque = first * channels["torque_1"] + second * channels["torque_2"]
-    return _plain(output_torque, f"{found['torque_1']}, {found['torque_2']}", unit, *notes)
+    constant = 1.0
+    if kind == "currents" and reading.torque_constant is not None:
+        constant = float(reading.torque_constant)
+    elif kind == "currents":
+        unit = "A"
+        notes.append(
+            f"torque scale unknown: the command of {file} are the currents '{one}' and '{two}', so all parameters are "
+            f"per ampere{_CONSTANT}"
+        )
+    torque_1, torque_2 = (constant * channels[column] for column in _OF_TWO[kind])
+    return _plain(first * torque_1 + second * torque_2, f"{one}, {two}", unit, *notes)
+
+
+def with_motor_torques(channels: Mapping[str, Array], reading: Reading) -> dict[str, Array]:
+    """The channels; with the torques of two motors, if their currents and the torque constant are known."""
+    torques = {}
+    if reading.torque_constant is not None and channels.keys() >= set(CURRENTS_OF_TWO):
+        for torque, current in zip(TORQUES_OF_TWO, CURRENTS_OF_TWO, strict=True):
+            torques[torque] = float(reading.torque_constant) * channels[current]
+    return {**torques, **channels}
 
 
 def _servo(file: str, found: Mapping[str, str], channels: Mapping[str, Array], axis: str, reading: Reading) -> Command:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from identification.errors import MissingColumns
 from identification.reading.headings import heading
-from identification.reading.reading_options import Reading
-from identification.reading.recognition import COMMANDS, RESPONSES, Recognition, missing
+from identification.reading.reading_options import COMMANDS, Reading
+from identification.reading.recognition import RESPONSES, Recognition, missing
 from identification.reading.table import Table
 from identification.reading.units import si_unit
 

@@ -11,8 +11,13 @@ import numpy as np
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 
+SINGLE_COMMANDS = ("torque", "force", "current", "voltage", "duty", "setpoint")
+TORQUES_OF_TWO, CURRENTS_OF_TWO = ("torque_1", "torque_2"), ("current_1", "current_2")
+"""The columns of two motors; one of them alone is no command."""
+COMMANDS = (*SINGLE_COMMANDS, *TORQUES_OF_TWO, *CURRENTS_OF_TWO)
 COLUMNS = (
-    *("time", "torque", "torque_1", "torque_2", "force", "current", "voltage", "duty", "setpoint", "kp", "kd"),
+    *("time", "torque", *TORQUES_OF_TWO, "force", "current", *CURRENTS_OF_TWO, "voltage", "duty", "setpoint"),
+    *("kp", "kd"),
     *("angle", "position", "velocity", "angle_1", "angle_2", "reference", "run"),
     *("payload_mass", "payload_radius", "payload_inertia", "payload_gravity"),
 )
@@ -43,7 +48,7 @@ class Reading:
     mapping: contract column -> its name in the file, or its number ("3" is the third column).
     units: contract column -> unit of its (scaled) values.
     scales: contract column -> factor on the file's values, applied before the unit.
-    gears: needed when only the pinion torques were logged.
+    gears: needed when only the pinion torques, or the currents of their motors, were logged.
     rate: samples per second of a file without a time [Hz].
     torque_constant: torque per current, for a log of the motor's current [N m/A]; [N/A] on a linear axis.
     kp, kd: gains of a position servo, for a log of its set-point [N m/rad], [N m s/rad]; on a linear axis [N/m],

@@ -20,11 +20,20 @@ from identification.reading.cia402 import find_objects
 from identification.reading.column_meaning import AMONG_OTHERS, COMMANDED, OWN, SYNONYM, Meaning, meaning
 from identification.reading.headings import heading
 from identification.reading.join import has_clock, join_rows, join_tables, qualified
-from identification.reading.reading_options import ALIASES, COLUMNS, Reading
+from identification.reading.reading_options import (
+    ALIASES,
+    COLUMNS,
+    COMMANDS,
+    CURRENTS_OF_TWO,
+    SINGLE_COMMANDS,
+    TORQUES_OF_TWO,
+    Reading,
+)
 from identification.reading.table import Table
 from identification.reading.units import kind_of
 
-COMMANDS = ("torque", "force", "torque_1", "torque_2", "current", "voltage", "duty", "setpoint")
+_PAIRS = (TORQUES_OF_TWO, CURRENTS_OF_TWO)
+_OF_TWO = frozenset((*TORQUES_OF_TWO, *CURRENTS_OF_TWO))
 RESPONSES = ("angle", "position", "velocity")
 AS_GIVEN = "as given"
 _OPTIONAL = ("velocity", "run")  # used only if their name has no other meaning
@@ -51,10 +60,9 @@ class Recognition:
 
     @property
     def has_command(self) -> bool:
-        """Whether there is a command; the torque of one pinion alone is not enough."""
-        return bool(set(self.found) & (set(COMMANDS) - {"torque_1", "torque_2"})) or {"torque_1", "torque_2"} <= set(
-            self.found
-        )
+        """Whether there is a command."""
+        found = set(self.found)
+        return bool(found.intersection(SINGLE_COMMANDS)) or any(found.issuperset(pair) for pair in _PAIRS)
 
     @property
     def has_response(self) -> bool:
@@ -128,11 +136,11 @@ def _leave_out_needless(table: Table, known: Recognition) -> None:
     given = {column for column in COMMANDS if known.why.get(column) == AS_GIVEN}
     found = [column for column in COMMANDS if column in known.found]
     changing = {column for column in found if column in given or _changes(table.columns[known.found[column]])}
-    other_axis = {"force"} if "angle" in known.found else {"torque", "torque_1", "torque_2"}
+    other_axis = {"force"} if "angle" in known.found else {"torque", *_OF_TWO}
     if not {"angle", "position"} & set(known.found) or {"angle", "position"} <= set(known.found):
         other_axis = set()
-    pair = {"torque_1", "torque_2"} if {"torque_1", "torque_2"} & changing else set()
-    for column in set(found) - given - pair:
+    pairs = {column for pair in _PAIRS if changing.intersection(pair) for column in pair}
+    for column in set(found) - given - pairs:
         if changing - {column} - other_axis and (column not in changing or column in other_axis):
             del known.found[column], known.why[column]
 
@@ -187,7 +195,7 @@ def _is_angle(known: Recognition, name: str, left: Mapping[str, str]) -> bool:
     if found is not None and kind_of(found.unit) is not None:
         return False
     others = {m.column for one in left if one != name and (m := meaning(one, left[one])) is not None}
-    rotary = {"torque", "torque_1", "torque_2", "current", "voltage"}
+    rotary = {"torque", "current", "voltage", *_OF_TWO}
     return not {"force"} & (others | set(known.found)) and bool(rotary & (others | set(known.found)))
 
 
@@ -248,7 +256,7 @@ def _take_shafts(known: Recognition, meant: Mapping[str, Meaning]) -> None:
     """With torques of two motors, angles named with 1 and 2 are those of the shafts, if another angle is the load's."""
     angles = [name for name, found in meant.items() if found.column == "angle"]
     pairs = [two for one in angles for other in angles if (two := _one_and_two(one, other))]
-    two_motors = {"torque_1", "torque_2"} <= set(known.found) or _pair(meant) is not None
+    two_motors = any(known.found.keys() >= set(pair) for pair in _PAIRS) or _pair(meant) is not None
     if not two_motors or len(pairs) != 1 or len(angles) < 3 or {"angle_1", "angle_2"} & set(known.found):
         return
     for place, name in enumerate(pairs[0], start=1):
@@ -256,7 +264,10 @@ def _take_shafts(known: Recognition, meant: Mapping[str, Meaning]) -> None:
 
 
 def _pair(meant: Mapping[str, Meaning]) -> tuple[str, str] | None:
-    """The torques of two motors: the only two torques, with names that differ by 1 and 2."""
+    """The torques of two motors: the only two torques, with names that differ by 1 and 2.
+
+    Two currents may be those of two phases.
+    """
     names = [name for name, found in meant.items() if found.column == "torque"]
     return _one_and_two(*sorted(names)) if len(names) == 2 else None
 
@@ -276,7 +287,8 @@ def missing(known: Recognition, table: Table, reading: Reading) -> Iterator[str]
     if "time" not in known.found and not table.clocks and reading.rate is None:
         yield "'time' (or, with --rate HZ, none)"
     if not known.has_command:
-        yield "the command ('torque', 'torque_1' and 'torque_2', 'current', 'voltage', 'duty' or 'setpoint')"
+        one = "'torque', 'current', 'voltage', 'duty' or 'setpoint'"
+        yield f"the command ({one}; of two motors 'torque_1' and 'torque_2', or 'current_1' and 'current_2')"
     unclear = known.why.get("velocity") != AS_GIVEN and {"angle", "position"} & set(known.guesses.values())
     if not known.has_response or (unclear and not {"angle", "position"} & set(known.found)):
         yield "the response ('angle', 'position' or 'velocity')"

@@ -47,10 +47,11 @@ def split_runs(whole: Recording, labels: NDArray[np.object_] | None) -> tuple[tu
     if labels is not None:
         whole, labels, notes = _labelled(whole, labels)
         groups = [(str(label), whole.take(labels == label)) for label in dict.fromkeys(labels)]
+    start = min(_start(group.time) for _, group in groups)  # a later run may have been recorded before
     found: list[Recording] = []
     row_notes: list[RowNote] = []
     for label, group in groups:
-        parts, done = sorted_rows(group)
+        parts, done = sorted_rows(replace(group, start=start))
         row_notes += done
         for place, part in enumerate(parts):
             again = f" ({place + 1})" if place else ""

@@ -19,6 +19,8 @@ SI_UNITS = {
     "torque_2": "N m",
     "force": "N",
     "current": "A",
+    "current_1": "A",
+    "current_2": "A",
     "voltage": "V",
     "duty": "1",
     "angle": "rad",

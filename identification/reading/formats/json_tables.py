@@ -127,6 +127,9 @@ class _Found:
                 self.sort(item, path if len(loaded) == 1 else f"{path}/{k + 1}".lstrip("/"), depth + 1)
 
     def _sort_mapping(self, loaded: Mapping[str, Any], path: str, depth: int) -> None:
+        if (runs := _runs(loaded)) is not None:
+            self.add(path, runs)
+            return
         names, labels = names_in(loaded, ())
         for key, value in ((key, _listed(value)) for key, value in loaded.items() if key != names):
             if isinstance(value, list) and value and all(isinstance(cell, str | int | float | None) for cell in value):
@@ -184,6 +187,25 @@ def _matrix(loaded: list[Any]) -> dict[str, NDArray[Any]] | None:
         name: column_of([cell if isinstance(cell, str | None) else float(cell) for cell in column])
         for name, column in zip(names, columns, strict=True)
     }
+
+
+def _runs(loaded: Mapping[str, Any]) -> dict[str, NDArray[Any]] | None:
+    """The columns of matrices that are runs of one experiment, with their keys as labels; None for other mappings.
+
+    They have the same columns and different numbers of rows: channels of one recording have as many rows.
+    """
+    lists = {key: value for key, value in loaded.items() if isinstance(value, list)}
+    matrices = {key: matrix for key, value in lists.items() if (matrix := _matrix(value)) is not None}
+    headings = {tuple(matrix) for matrix in matrices.values()}
+    lengths = {len(value) for value in lists.values()}
+    if len(matrices) < 2 or len(matrices) < len(lists) or len(headings) > 1 or len(lengths) == 1:
+        return None
+    names = headings.pop()
+    if "run" in names:
+        return None
+    labels: list[float | str | None] = [key for key, m in matrices.items() for _ in next(iter(m.values()))]
+    whole = {name: np.concatenate([matrix[name] for matrix in matrices.values()]) for name in names}
+    return {"run": column_of(labels), **whole}
 
 
 def _named_series(loaded: list[Any]) -> dict[str, Any] | None:

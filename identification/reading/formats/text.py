@@ -79,7 +79,8 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
         )
     names = _called(layout.names or ("",) * width, columns)
     if not layout.names:
-        notes.append(f"{name}: no column names stand above the numbers; the columns are called 1 to {len(names)}")
+        called = f"columns are called 1 to {len(names)}" if len(names) > 1 else "column is called 1"
+        notes.append(f"{name}: no column names stand above the numbers; the {called}")
     spread = with_lists(dict(zip(names, columns, strict=False)))
     return Table(
         name=name,
