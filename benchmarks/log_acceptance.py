@@ -41,7 +41,7 @@ def main() -> None:
 
         right = _read(drawn.columns(place), gears)
         count("right", right, "")
-        count("brakes", right, "nearly always", warned=True)
+        count("brakes", right, "almost all the time", warned=True)
         count("reversed", _read(drawn.columns(place, sign=(-1.0, -1.0)), gears), "=-1 turns it")
         if drawn.pair[place]:
             for k, sign in enumerate(((-1.0, 1.0), (1.0, -1.0)), 1):

@@ -369,6 +369,25 @@ def test_columns_that_end_in_the_number_of_a_joint():
     assert with_joints(numbered(3)).joints == tuple("123")
 
 
+def test_two_counted_joints_are_joints_if_the_user_says_so(tmp_path):
+    table = numbered(2)
+    assert list(select_joint(table, "2").columns) == [
+        "Time",
+        "position",
+        "effort",
+        "PositionCmptd",
+        "TorqueCur",
+        "Bus1",
+    ]
+    bracketed = {re.sub(r"(\d)$", r" (\1)", name): values for name, values in table.columns.items()}
+    pd.DataFrame(bracketed).to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(MissingColumns, match="If they are of 2 joints, choose one with --joint: 1, 2"):
+        Log.read(tmp_path / "log.csv")
+    assert len(Log.read(tmp_path / "log.csv", joint="1").runs) == 1
+    with pytest.raises(BadParameter, match="there are no joints in this log"):
+        select_joint(Table(name="log.csv", columns=SOUND, sha256=""), "1")
+
+
 def test_of_named_columns_of_a_joint_no_others_are_used(tmp_path):
     """The angles of joints 1 and 2 were read as those of two motors."""
     path = tmp_path / "arm.csv"

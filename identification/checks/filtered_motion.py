@@ -47,6 +47,11 @@ class View:
         """Products of the acceleration with a command (T,), whose mean is in proportion to the inertia."""
         return products(beyond(self.acceleration, self.terms), beyond(self.behind(command), self.terms))
 
+    def driven(self, command: Array) -> Array:
+        """(3,) sums of acceleration and command (T,) beyond the terms: of their product, and of the square of each."""
+        effect, cause = beyond(self.acceleration, self.terms), beyond(self.behind(command), self.terms)
+        return np.array([effect @ cause, effect @ effect, cause @ cause])
+
     def work(self, command: Array) -> Products:
         """Work on the load, without that against gravity."""
         return products(beyond(self.speed, self.gravity), beyond(self.behind(command), self.gravity))

@@ -8,6 +8,9 @@ these terms is proportional to that of the acceleration, and the slope is the in
 contradict: the work of the torque on the load. The first one is unreliable for a single sine, because acceleration is
 then proportional to the angle; the second one is unreliable in a loop that resists an external force, because the load
 does work there.
+
+A torque that drives the load explains most of the acceleration that these terms leave. One that explains little of it
+may only react to the motion, as that of a controller that chatters with the noise of its encoder, some samples late.
 """
 
 from __future__ import annotations
@@ -19,33 +22,46 @@ from typing import TypeVar
 import numpy as np
 
 from identification.checks.filtered_motion import DOUBTFUL, SURE, Products, View, over_runs, undisputed, views
+from identification.reading.reading_options import CURRENTS_OF_TWO, SINGLE_COMMANDS, TORQUES_OF_TWO
 from identification.recording import Array, Finding, Recording
 
 Given = TypeVar("Given")
 
 _WORKS = 2.0  # Student's t of the work: one log in 30 by chance
+_MOST = 0.5  # of the acceleration beyond other terms, explained by a command that drives the load
 _ONE_WAY = 0.9  # work over absolute work of a command that drives the load, or brakes it, nearly always
 
 
 @dataclass(frozen=True, kw_only=True)
 class Witnesses:
-    """Student's t of inertia and of work."""
+    """Student's t of inertia and of work; share of the acceleration beyond other terms that the command explains."""
 
     inertia: float = 0.0
     work: float = 0.0
+    share: float = 0.0
 
     @property
     def against(self) -> bool:
-        """Whether the command significantly has the wrong sign."""
-        return self.inertia < -SURE and self.work < _WORKS
+        """Whether the command drives the load and significantly has the wrong sign."""
+        return self.inertia < -SURE and self.work < _WORKS and self.share > _MOST
 
 
 def witnesses(commands: Sequence[Array], runs: Sequence[Sequence[View]]) -> Witnesses:
-    """Both statistics of the command (T,) of each run."""
+    """Both statistics of the command (T,) of each run, and the largest share behind any of the filters."""
     by_filter = _by_filter(commands, runs)
     statistics = [over_runs(view.inertia(command) for view, command in seen) for seen in by_filter]
     clearest = by_filter[int(np.argmax(np.abs(statistics)))]
-    return Witnesses(inertia=undisputed(statistics), work=over_runs(view.work(command) for view, command in clearest))
+    return Witnesses(
+        inertia=undisputed(statistics),
+        work=over_runs(view.work(command) for view, command in clearest),
+        share=max(_share(np.sum([view.driven(command) for view, command in seen], axis=0)) for seen in by_filter),
+    )
+
+
+def _share(sums: Array) -> float:
+    """Share of the acceleration that a command explains, from the sums of `View.driven`."""
+    product, acceleration, command = sums
+    return float(product**2 / max(acceleration * command, 1e-300))
 
 
 def _by_filter(of_runs: Sequence[Given], runs: Sequence[Sequence[View]]) -> list[list[tuple[View, Given]]]:
@@ -120,7 +136,7 @@ def _options(columns: Sequence[str]) -> str:
 
 def _column(recording: Recording) -> str:
     """The column for the option --scale."""
-    known = [name for name in ("torque", "force", "current", "voltage") if name in recording.names]
+    known = [name for name in SINGLE_COMMANDS if name in recording.names]
     return known[0] if known else "force" if recording.axis == "linear" else "torque"
 
 
@@ -143,8 +159,7 @@ def _work_done(commands: Sequence[Array], runs: Sequence[Sequence[View]]) -> flo
 
 def _columns_of_two(recording: Recording) -> tuple[str, str]:
     """The columns of two motors' currents, if they are what was logged, else of their torques."""
-    currents, torques = ("current_1", "current_2"), ("torque_1", "torque_2")
-    return currents if recording.others.keys() >= set(currents) else torques
+    return CURRENTS_OF_TWO if recording.others.keys() >= set(CURRENTS_OF_TWO) else TORQUES_OF_TWO
 
 
 def _pairs(parts: Sequence[Recording]) -> list[tuple[Array, Array]]:

@@ -19,6 +19,7 @@ from identification.reading.joints import select_joint
 from identification.reading.reading_options import COMMANDS, Reading
 from identification.reading.recognition import Recognition, recognise
 from identification.reading.runs import labels_of, split_runs
+from identification.reading.sign_bit import signed
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
 from identification.reading.time_stamps import seconds_of, with_whole_stamps
@@ -72,7 +73,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
                 raise BadParameter(f"'{column}' is given a unit or scale, but {table.name} has no such column; map it.")
     stated = stated_units(table, found, known.objects, units=reading.units, scales=reading.scales, axis=axis)
     found = {column: name for column, name in found.items() if column not in stated.left_out}
-    channels, of_time = _channels(table, found, reading, stated.units, axis)
+    channels, of_values = _channels(table, found, reading, stated.units, axis)
     kept, rows = _rows_with_numbers(table, channels)
     channels = {column: values[kept] for column, values in channels.items()}
     command = command_of(table.name, found, channels, axis, reading)
@@ -112,7 +113,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
             *table.notes,
             *_by_meaning(table, known, found, {*stated.units, *reading.scales}, axis),
             *stated.notes,
-            *of_time,
+            *of_values,
             *of_order,
         ),
     )
@@ -141,9 +142,9 @@ def _counted(table: Table, found: Mapping[str, str], rate: float) -> tuple[Table
 def _channels(
     table: Table, found: Mapping[str, str], reading: Reading, units: Mapping[str, str], axis: str
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """The columns as numbers in SI, without the labels of the runs, and notes on the time."""
+    """The columns as numbers in SI, without the labels of the runs, and notes on times and signs."""
     channels: dict[str, Array] = {}
-    notes: tuple[str, ...] = ()
+    notes: list[str] = []
     for column, name in found.items():
         if column == "run":
             continue
@@ -151,11 +152,15 @@ def _channels(
         factor *= si_factor(column, units[column], axis) if column in units else 1.0
         if column == "time":
             sized = column in units or column in reading.scales
-            channels[column], notes = seconds_of(table, name, factor if sized else None)
+            channels[column], of_time = seconds_of(table, name, factor if sized else None)
+            notes += of_time
         else:
-            channels[column] = numbers_of(table, name, column) * factor
+            values, stored = signed(numbers_of(table, name, column))
+            channels[column] = values * factor
+            if stored:
+                notes.append(f"{table.name}: '{name}' {stored}, and is read so")
     _same_length(table, found, channels)
-    return channels, notes
+    return channels, tuple(notes)
 
 
 def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:

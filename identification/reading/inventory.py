@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from identification.errors import MissingColumns
 from identification.reading.headings import heading
+from identification.reading.joints import possible_joints
 from identification.reading.reading_options import COMMANDS, Reading
 from identification.reading.recognition import RESPONSES, Recognition, missing
 from identification.reading.table import Table
@@ -69,7 +70,9 @@ def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
     facts = inventory(table, known)
     first = f"{table.name}: none of its columns is recognised as {_listed(lacking)}."
     options = suggested_options(table, known, lacking_time=lacking[0].startswith("'time'"))
-    raise MissingColumns("\n".join([first, *lines(facts, most=_MOST)]), options)
+    joints = possible_joints(table)
+    choose = [f"If they are of {len(joints)} joints, choose one with --joint: {', '.join(joints)}."] if joints else []
+    raise MissingColumns("\n".join([first, *lines(facts, most=_MOST), *choose]), options)
 
 
 def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -> str:

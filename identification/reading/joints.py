@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from identification.errors import MalformedLog
+from identification.reading.column_meaning import meaning
 from identification.reading.table import Table
 from plant.errors import BadParameter
 
@@ -19,14 +20,15 @@ _PATH = re.compile(r"(?P<topic>/.*)/(?P<joint>[^/]+)/(?P<quantity>position|veloc
 _LISTED = re.compile(r"(?P<field>.*[./])?(?P<quantity>position|velocity|effort)(?P<place>_?\d+|\[\d+\])")
 _FLAT = re.compile(r"(?P<joint>.+_joint)_(?P<quantity>position|velocity|effort|torque)")  # elbow_joint_position
 _NUMBERED = re.compile(r"(?P<quantity>[A-Za-z]+):(?P<joint>\d+)")  # columns of a matrix, as of an NPZ file
-_COUNTED = re.compile(r"(?P<quantity>.*[A-Za-z])_?(?P<joint>\d+)")  # Position1 to Position7
+_COUNTED = re.compile(r"(?P<quantity>.*[A-Za-z])[ _]*[(\[]?(?P<joint>\d+)[)\]]?")  # Position1 to Position7, pos (4)
 _QUANTITIES = {
     **dict.fromkeys(("position", "positions", "pos", "q"), "position"),
     **dict.fromkeys(("velocity", "velocities", "vel", "qd", "dq"), "velocity"),
     **dict.fromkeys(("effort", "efforts", "torque", "torques", "tau"), "effort"),
     **dict.fromkeys(("current", "currents", "cur"), "current"),
 }
-_FEWEST = 3  # joints of counted columns: two of them may be the two motors of one axis
+_FEWEST = 3  # joints of counted columns; two may be the two motors of one axis, and are joints if the user says so
+_KINDS = {"angle": "position", "position": "position", "torque": "effort", "current": "current"}
 
 
 def with_joints(table: Table) -> Table:
@@ -34,7 +36,7 @@ def with_joints(table: Table) -> Table:
     if table.joint_of:
         return table
     names = table.columns
-    joint_of = _in_paths(names) or _in_names(names, _FLAT) or _in_names(names, _NUMBERED) or _in_counted(list(names))
+    joint_of = _in_paths(names) or _in_names(names, _FLAT) or _in_names(names, _NUMBERED) or _in_counted(names, _FEWEST)
     for name in table.columns:
         if found := _LISTED.fullmatch(name):  # rostopic echo -p
             joint = _constant(table.columns.get(f"{found['field'] or ''}name{found['place']}"))
@@ -75,22 +77,28 @@ def _in_names(names: Collection[str], pattern: re.Pattern[str]) -> dict[str, tup
     return joint_of if len(joints) > 1 and same_names and {"position", "effort"} <= set.union(*joints.values()) else {}
 
 
-def _in_counted(names: Collection[str]) -> dict[str, tuple[str, str]]:
+def _in_counted(names: Collection[str], fewest: int) -> dict[str, tuple[str, str]]:
     """The joints in names that end in their number: each with a position and an effort or a current."""
     found = {name: match for name in names if (match := _COUNTED.fullmatch(name))}
     numbers: dict[str, set[str]] = defaultdict(set)
     for match in found.values():
         numbers[match["quantity"]].add(match["joint"])
-    known = {quantity: _QUANTITIES[quantity.lower()] for quantity in numbers if quantity.lower() in _QUANTITIES}
-    if "position" not in known.values() or not {"effort", "current"} & set(known.values()):
+    kinds = {quantity: kind for quantity in numbers if (kind := _kind(quantity)) is not None}
+    if "position" not in kinds.values() or not {"effort", "current"} & set(kinds.values()):
         return {}
-    joints = set.intersection(*(numbers[quantity] for quantity in known))
+    joints = set.intersection(*(numbers[quantity] for quantity in kinds))
     of_all = {quantity for quantity, counted in numbers.items() if joints <= counted}
     return {
-        name: (match["joint"], known.get(match["quantity"], match["quantity"]))
+        name: (match["joint"], _QUANTITIES.get(match["quantity"].lower(), match["quantity"]))
         for name, match in found.items()
-        if len(joints) >= _FEWEST and match["joint"] in joints and match["quantity"] in of_all
+        if len(joints) >= fewest and match["joint"] in joints and match["quantity"] in of_all
     }
+
+
+def _kind(quantity: str) -> str | None:
+    """What the name of a column without its number measures: a position, an effort or a current; None for the rest."""
+    found = meaning(quantity, "")
+    return None if found is None else _KINDS.get(found.column)
 
 
 def select_joint(table: Table, joint: str | None = None, mapped: Collection[str] = ()) -> Table:
@@ -100,6 +108,8 @@ def select_joint(table: Table, joint: str | None = None, mapped: Collection[str]
 
     Raises `BadParameter` if the table has no such joint, and `MalformedLog` if the user must choose one.
     """
+    if joint is not None and not table.joints:
+        table = replace(table, joint_of=_in_counted(table.columns, 2))
     joints = table.joints
     if joint is None and (not joints or any(name in table.joint_of for name in mapped)):
         return table
@@ -125,6 +135,11 @@ def select_joint(table: Table, joint: str | None = None, mapped: Collection[str]
         units={called.get(old, old): unit for old, unit in table.units.items() if old in called or old == "time"},
         joint_of={},
     )
+
+
+def possible_joints(table: Table) -> tuple[str, ...]:
+    """The two joints of a table whose counted columns may also be those of two motors of one axis."""
+    return () if table.joint_of else replace(table, joint_of=_in_counted(table.columns, 2)).joints
 
 
 def _unknown(name: str, joint: str, joints: Collection[str]) -> str:
