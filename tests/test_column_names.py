@@ -56,6 +56,12 @@ def same(log):
         ("encoder_steps", "encoder", "count"),
         ("micros", "micros", "us"),
         ("rpm", "rpm", "rpm"),
+        ("leftSpeedRpm", "left speed", "rpm"),
+        ("timeMs", "time", "ms"),
+        ("PositionRad", "position", "rad"),
+        ("VelocityRadPerSec", "velocity", "rad/s"),
+        ("AppliedVolts", "applied", "volts"),
+        ("Grad", "grad", ""),
         ("Vitesse (tr/min)", "vitesse", "tr/min"),
     ],
 )
@@ -94,6 +100,9 @@ def test_a_heading_is_words_and_a_unit(name, words, unit):
         ("Position angulaire (°)", "angle", SYNONYM),
         ("Consigne_position", "setpoint", SYNONYM),
         ("ms_today", "time", SYNONYM),
+        ("leftSpeedRpm", "velocity", AMONG_OTHERS),
+        ("AppliedVolts", "voltage", AMONG_OTHERS),
+        ("Measured Current [Amps]", "current", SYNONYM),
     ],
 )
 def test_a_name_means_a_quantity(name, column, grade):
@@ -106,6 +115,8 @@ def test_a_name_means_a_quantity(name, column, grade):
     [
         "ddq3",
         "MaxTorque",
+        "batteryVoltage",
+        "SupplyCurrentAmps",
         "SpeedRef",
         "position error",
         "TestIndex",

@@ -232,3 +232,13 @@ def test_validation_files_stand_in_the_place_of_the_files(tmp_path):
     np.testing.assert_allclose(measured.holdout.runs[0].command, 2 * SOUND["torque"])
     with pytest.raises(MalformedLog, match="no column 'tau_1/1'"):
         LogOptions(files=tuple(paths[:2]), holdout=(paths[2],), mapping=mapping, rate=200.0).read()
+
+
+def test_clocks_without_a_date_are_taken_to_begin_together():
+    def noted(offset):
+        moved = [{**columns, "time": columns["time"] + offset} for columns in (DRIVE, ENCODER)]
+        named = zip(("drive.csv", "encoder.csv"), moved, strict=True)
+        return join_tables([Table(name=name, columns=columns, sha256="") for name, columns in named]).notes
+
+    assert any("their zeros are taken to be the same instant" in note for note in noted(0.0))
+    assert not any("zeros" in note for note in noted(1.7e9))

@@ -135,3 +135,20 @@ def test_a_log_of_one_sample_in_five_seconds_is_refused_for_that():
     names = {"time": "Time (s)", "torque": "Torque (N·m)", "velocity": "Motor Optical Speed (RPM)"}
     with pytest.raises(MalformedLog, match=r"sample time of 5\.54 s is too slow"):
         Log.read(path, mapping=names, units={"velocity": "rpm"})
+
+
+def test_a_velocity_that_may_be_in_rpm_is_asked_about():
+    time, torque, velocity = spun()
+    turning = {"time": time, "torque": torque}
+    (text,) = Log.from_arrays(**turning, velocity=np.round(velocity)).warnings
+    assert "'velocity' holds whole numbers only; if it is in rpm, say --unit velocity=rpm" in text
+    (text,) = Log.from_arrays(**turning, velocity=100.0 * velocity).warnings
+    assert "'velocity' reaches" in text
+    assert Log.from_arrays(**turning, velocity=velocity).warnings == ()
+    assert Log.from_arrays(**turning, velocity=np.round(velocity / RPM), units={"velocity": "rpm"}).warnings == ()
+
+
+def test_a_constant_command_of_a_changing_velocity_is_told():
+    time, _, velocity = spun()
+    log = Log.from_arrays(time=time, torque=np.full(time.size, -9.0), velocity=velocity)
+    assert any("'torque' is -9 throughout while the load moves" in text for text in log.warnings)

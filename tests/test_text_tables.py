@@ -90,6 +90,26 @@ def test_a_row_of_units_below_the_names(tmp_path, names, row):
     assert read.notes == ()
 
 
+def test_numbers_in_the_preamble_are_no_table(tmp_path):
+    """EPOS Studio writes two lines of scales, names without one of the time, and units."""
+    scale = "Scale:;{};True;100.000;0.500;-400.500;399.500\n"
+    above = "Date:;2026-01-01 21:54:05\nSampling period:;40.000\n" + scale.format(0) + scale.format(1)
+    names = ";Torque actual value;Position actual value;Velocity actual value\nms;%;mrad;rpm\n"
+    read = table(tmp_path, above + names + rows(";"))
+    same(read, ["1", "Torque actual value", "Position actual value", "Velocity actual value"])
+    assert list(read.units.values()) == ["ms", "%", "mrad", "rpm"]
+    assert read.notes == ()
+
+
+def test_names_below_the_numbers_of_channels(tmp_path):
+    """MR Configurator writes the signals below the channels, and the unit of the time beside them."""
+    above = "Axis1\nSampling time interval(ms),5\nTime,Analog 1,Analog 2,Analog 3\n"
+    read = table(tmp_path, above + "ms,Torque,Position,Servo motor speed\n" + rows())
+    same(read, ["Time", "Torque", "Position", "Servo motor speed"])
+    assert read.units == {"Time": "ms"}
+    assert read.notes == ()
+
+
 def test_units_as_agilent_writes_them(tmp_path):
     read = table(tmp_path, "x-axis,1,2\nsecond,Volt,Volt\n" + "".join(f"{k * 1e-3:.3e},0.5,{k}\n" for k in range(9)))
     assert list(read.columns) == ["x-axis", "1", "2"]

@@ -1,6 +1,6 @@
-"""Test of the unit of an angle: degrees show in the encoder step, the wraps and gravity, counts as whole numbers.
+"""Test of the unit of an angle or a velocity: degrees show in the encoder step, the wraps and gravity.
 
-An unusual speed gives a warning only.
+Counts show as whole numbers. An unusual speed gives a warning only.
 """
 
 from __future__ import annotations
@@ -47,6 +47,22 @@ def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
     elif speed > FASTEST_LOAD:
         text = f"{recording.label}: '{output}' moves at {speed:.3g} rad/s; if it is in degrees, say --unit angle=deg"
         yield Finding(kind="fast", repaired=False, text=text)
+
+
+def unit_of_the_velocity(recording: Recording) -> Iterable[Finding]:
+    """Warn of a velocity without a unit that looks like one in rpm: in whole numbers, or faster than any load."""
+    if recording.axis != "rotary" or "velocity" in recording.stated:
+        return
+    values = recording.output[recording.valid]
+    fast = float(np.quantile(np.abs(values), 0.99))
+    if in_whole_numbers(values):
+        how = "holds whole numbers only"
+    elif fast > FASTEST_LOAD:
+        how = f"reaches {fast:.3g} rad/s"
+    else:
+        return
+    text = f"{recording.label}: '{recording.name('output')}' {how}; if it is in rpm, say --unit velocity=rpm"
+    yield Finding(kind="rpm", repaired=False, text=text)
 
 
 def in_whole_numbers(values: Array) -> bool:

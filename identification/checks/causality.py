@@ -1,7 +1,8 @@
 """The output must respond after its command.
 
-An output that responds before its command is impossible: the columns were recorded with an offset. An output column
-that lags looks like a dead time of the drive, and is left to the fit unless it is longer than any dead time of a drive.
+An output that responds before its command is impossible: the columns were recorded with an offset, or an effect that
+the regression lacks looks so, where a command repeats itself. An output column that lags looks like a dead time of the
+drive, and is left to the fit unless it is longer than any dead time of a drive.
 """
 
 from __future__ import annotations
@@ -43,9 +44,9 @@ def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
         whole = round(size / dt + 0.5)
         by = f"{whole} samples ({1e3 * whole * dt:.3g} ms)"
         text = (
-            f"{recording.label}: '{output}' answers about {by} before '{command}' acts. That is impossible, so "
-            f"'{command}' was recorded late: export both columns on one clock, or move '{command}' ahead by {whole} "
-            "samples or more"
+            f"{recording.label}: '{output}' answers about {by} before '{command}' acts. A cause comes first: unless "
+            f"dry friction or play looks so, '{command}' was recorded late; export both columns on one clock, or move "
+            f"'{command}' ahead by {whole} samples or more"
         )
         if recording.servo_gain.any():  # a feedforward of the servo has the same effect
             text = (

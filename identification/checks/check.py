@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.checks.angle_unit import unit_of_the_angle, wraps_in_degrees
+from identification.checks.angle_unit import unit_of_the_angle, unit_of_the_velocity, wraps_in_degrees
 from identification.checks.causality import cause_and_effect
 from identification.checks.channels import check_setpoint_unit, inconsistent_channels
 from identification.checks.faults import find_flat_tops, find_frozen, find_spikes, find_wraps, quantum, stretches
@@ -57,7 +57,7 @@ def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
         check_setpoint_unit(part)
         part, found = check_velocity_unit(part)
         findings += found
-        for warn in WARNINGS if part.response == "angle" else (clock,):
+        for warn in WARNINGS if part.response == "angle" else _OF_A_VELOCITY:
             findings += warn(part)
         usable.append(part)
     return usable, findings
@@ -168,7 +168,7 @@ def mask_frozen(recording: Recording) -> Checked:
 
 def constant_channels(recording: Recording) -> Iterable[Finding]:
     """Report a load that never turns, and a command or other channels that are constant while it moves."""
-    if np.ptp(recording.output[recording.valid]) == 0:
+    if np.ptp(recording.output[recording.valid]) == 0 and recording.response == "angle":
         text = (
             f"{recording.label}: '{recording.name('output')}' is constant, the load never turns; "
             "inertia and friction cannot be seen in this run; raise the command until it does"
@@ -199,6 +199,9 @@ WARNINGS = (
     speed_for_torque,
     size_of_the_command,
 )
+
+
+_OF_A_VELOCITY = (clock, unit_of_the_velocity, constant_channels)
 
 
 def excited(recording: Recording) -> bool:

@@ -73,6 +73,7 @@ _COMMAND_WORDS = {
 _SOMETHING_ELSE = {
     *("error", "err", "deviation", "max", "min", "limit", "lim", "constant", "temperature", "temp", "std", "variance"),
     *("offset", "gain", "enabled", "enable", "status", "state", "mode", "flag", "delay", "ratio", "power", "index"),
+    *("battery", "supply", "bus"),
     *("fault", "predicted", "filter", "count", "rate"),
 }
 _OTHERS = ("acceleration", "something else")

@@ -46,6 +46,11 @@ _AT_THE_END = {  # as a last word; single letters are case-sensitive: a motor "a
 }
 _SPELLED = {"sec": "s", "turns": "turn", "nm": "N*m", "NM": "N*m", "Nm": "N*m"}
 _SPELLED |= {"mNm": "mN*m", "Ncm": "N*cm", "RPM": "rpm", "DEG": "deg", "Deg": "deg", "RAD": "rad", "Rad": "rad"}
+_CAMEL_UNITS = re.compile(  # leftSpeedRpm, positionRad, VelocityRadPerSec, AppliedVolts
+    r"(?<=[a-z0-9])(?P<unit>(Rad|Deg|Rot)(?=PerSec)|Rpm|RPM|Radians|Rad|Degrees|Deg|Rotations|Ms|Sec|Seconds|Nm|Mm|Volts|Amps)"
+    r"(?P<rate>PerSec(ond)?)?$"
+)
+_CAMEL_SPELLED = {"Rot": "turn", "Rotations": "turn", "Nm": "N*m", "Sec": "s"}
 _IMPLIED_UNITS = {"millis": "ms", "micros": "us", "nanos": "ns", "ms today": "ms", "rpm": "rpm", "erpm": "erpm"}
 
 
@@ -88,6 +93,9 @@ def heading(text: str) -> Heading:
         if kind_of(unit) is not None:
             count += words[-2] == "per"
             return Heading(words=words[: len(words) - count], unit=unit, trailing=True)
+    if tail := _CAMEL_UNITS.search(plain):
+        unit = _CAMEL_SPELLED.get(tail["unit"], tail["unit"].lower())
+        return Heading(words=_words(plain[: tail.start()]), unit=f"{unit}/s" if tail["rate"] else unit)
     return Heading(
         words=words,
         unit=next((u for words_with_unit, u in _IMPLIED_UNITS.items() if " ".join(words) == words_with_unit), ""),

@@ -18,6 +18,8 @@ from identification.reading.time_stamps import clock_of, with_whole_stamps
 from identification.reading.units import si_factor
 from identification.recording import Array
 
+_FIRST_DATE = 1e8  # [s]; a larger time counts from 1970 or another date
+
 
 def qualified(table: Table, name: str) -> str:
     """The name of a column with the name of its file before it, `encoder/position`."""
@@ -59,6 +61,8 @@ def join_tables(tables: Sequence[Table], time: str | None = None, wanted: Collec
                 joint_of[called] = table.joint_of[name]
     names = " and ".join(table.name for table in tables)
     note = f"{names}: joined on their clocks, which have {end - begin:.4g} s in common"
+    if begin < _FIRST_DATE:
+        note += "; their zeros are taken to be the same instant"
     return Table(
         name=" + ".join(table.name for table in tables),
         columns=merged,

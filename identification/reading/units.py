@@ -50,7 +50,8 @@ _KINDS = (
 )
 
 _MEANT = {"grad": "deg", "rev": "turn", "revs": "turn", "umdr": "turn", "upm": "rpm", "rps": "turn/s", "dps": "deg/s"}
-"""Units that pint does not know, or takes for another unit: the German Grad is not gon."""
+_MEANT |= {"amp": "A", "amps": "A"}
+"""Units that pint does not know, or takes for another unit: the German Grad is not gon, amps no attometres a second."""
 _WEIGHT, _ARM = r"(?P<weight>kg|g|oz|lb)f?s?", r"(?P<arm>m|cm|mm|in|ft)"
 _WEIGHT_ON_ARM = re.compile(rf"{_WEIGHT}{_ARM}|{_ARM.replace('arm', 'other')}{_WEIGHT.replace('weight', 'heavy')}")
 

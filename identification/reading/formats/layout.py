@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 
 from identification.errors import MalformedLog
 from identification.reading.column_meaning import is_time
-from identification.reading.formats.unit_row import labelled, row_of_units, units_above
+from identification.reading.formats.unit_row import labelled, names_below, row_of_units, units_above
 
 COMMENT = ("#", "%", "//")
 SEARCHED_LINES = 200  # no export has a longer preamble
@@ -49,6 +50,8 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
     rest = above[1:] if units else above
     if not rest:
         return Layout(separator=separator, names=(), units=(), start=start)
+    if units is None and len(rest) > 1 and (both := names_below(rest[1][1], rest[0][1])) is not None:
+        return Layout(separator=separator, names=tuple(both[0]), units=tuple(both[1]), start=start)
     line, names = max(rest, key=lambda found: _names_score(found[1]))  # the nearest one of equal score
     preamble = [split(text, separator) for text in lines[max(line - SEARCHED_LINES, 0) : line]]
     units = units or units_above(preamble, len(names)) or []
@@ -86,7 +89,10 @@ def _is_data(cells: list[str]) -> bool:
 
 
 def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
-    """Separator and index of the first line of data: another one is below it; else the text is a single column."""
+    """Separator and index of the first line of data: another one is below it; else the text is a single column.
+
+    It has as many cells as most lines of data: a preamble may have lines of numbers too.
+    """
     begin = _after_header(lines)
     rows_with_text = (
         (index, line)
@@ -96,9 +102,16 @@ def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     searched = list(islice(rows_with_text, SEARCHED_LINES))
     for separator in _SEPARATORS:
         table = [split(line, separator) for _, line in searched]
+        widths = Counter(len(cells) for cells in table if len(cells) > 1 and _is_data(cells))
+        most = max(widths.values(), default=0)
         for k, cells in enumerate(table):
             below = table[k + 1] if k + 1 < len(table) else cells
-            if len(cells) < 2 or len(below) != len(cells) or not (_is_data(cells) and _is_data(below)):
+            if (
+                len(cells) < 2
+                or widths[len(cells)] < most
+                or len(below) != len(cells)
+                or not (_is_data(cells) and _is_data(below))
+            ):
                 continue
             if cells[0] and not _is_value(cells[0]) and _is_value(below[0]):  # names: time, 6064, 6077
                 continue

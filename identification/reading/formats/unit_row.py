@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
+from identification.reading.column_meaning import is_time
 from identification.reading.units import is_unit
 
 NO_UNIT = {"", "-", "--", "1", "none", "(none)", "n/a", "[]", "[-]", "()", "(-)"}
@@ -36,7 +37,18 @@ def _unit(cell: str) -> str | None:
     text = _BRACKETS.sub(r"\1", text)
     if len(text) > _LONGEST or re.match(r"[\d.+-]", text.replace("1/", "")):
         return None
-    return text if is_unit(text) else None
+    return text if text == "%" or is_unit(text) else None
+
+
+def names_below(generic: Sequence[str], row: Sequence[str]) -> tuple[list[str], list[str]] | None:
+    """Names and units from two lines, `Time;Channel 1` above `ms;Speed`: the second has the unit of the time.
+
+    None if the lines are not so.
+    """
+    unit = _unit(row[0])
+    if not unit or not is_time(generic[0]) or any(map(_unit, row[1:])) or not any(row[1:]):
+        return None
+    return [generic[0], *row[1:]], [unit, *[""] * len(row[1:])]
 
 
 def units_above(above: Iterable[Sequence[str]], width: int) -> list[str] | None:
