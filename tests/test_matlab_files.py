@@ -32,6 +32,19 @@ def test_a_structure_with_time_of_simulink(tmp_path, field):
     assert same(Log.read(tmp_path / "out.mat").runs[0])
 
 
+@pytest.mark.parametrize("label", ["", "theta"])
+def test_a_signal_alone_has_the_name_of_its_label_or_variable(tmp_path, label):
+    def saved(name, values, text):
+        kinds = [("values", "O"), ("label", "O")]
+        signals = np.array([(values[:, None], text)], dtype=kinds)
+        savemat(tmp_path / f"{name}.mat", {name: {"time": TIME[:, None], "signals": signals}})
+        return tmp_path / f"{name}.mat"
+
+    log = Log.read([saved("torque", TORQUE, ""), saved("x" if label else "angle", ANGLE, label)])
+    np.testing.assert_allclose(log.runs[0].command, TORQUE, atol=1e-9)
+    np.testing.assert_allclose(log.runs[0].output, ANGLE, atol=1e-9)
+
+
 def test_an_array_of_structures_has_an_element_for_each_run(tmp_path):
     kinds = [(name, "O") for name in ("time", "torque", "angle")]
     parts = (slice(0, 150), slice(150, 400))

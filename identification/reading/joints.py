@@ -96,9 +96,9 @@ def _in_counted(names: Collection[str], fewest: int) -> dict[str, tuple[str, str
 
 
 def _kind(quantity: str) -> str | None:
-    """What the name of a column without its number measures: a position, an effort or a current; None for the rest."""
+    """What a column measures by its name without the number; None if that is no quantity of a joint."""
     found = meaning(quantity, "")
-    return None if found is None else _KINDS.get(found.column)
+    return _QUANTITIES.get(quantity.lower()) or (None if found is None else _KINDS.get(found.column))
 
 
 def select_joint(table: Table, joint: str | None = None, mapped: Collection[str] = ()) -> Table:

@@ -69,8 +69,10 @@ class _Variables:
         elif isinstance(value, np.ndarray) and value.dtype.names and value.size:
             elements = value.ravel()
             for k, element in enumerate(elements):
-                label = _label(element) or f"{key}({k + 1})"  # as Simulink labels its signals
-                own = inside if len(elements) == 1 else f"{path}/{label}" if path else label
+                own = inside if len(elements) == 1 else f"{path}/{key}({k + 1})".lstrip("/")
+                if "values" in value.dtype.names and path:  # Simulink's "structure with time"
+                    label = _label(element) or (f"{key}({k + 1})" if len(elements) > 1 else "")
+                    own = f"{path}/{label}" if label else path
                 for name in value.dtype.names:
                     if name not in _DESCRIBES:
                         self.sort(name, element[name], own)
