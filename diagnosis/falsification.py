@@ -17,7 +17,7 @@ import numpy as np
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.wording import measured, percent
-from diagnosis.holdout import bounded, cut, restart_window, squared_errors
+from diagnosis.holdout import bounded, cut, restart_window, scoring_window, squared_errors
 from diagnosis.jackknife import BLOCKS
 from diagnosis.levels import LIKELY, SIGNIFICANT
 from diagnosis.refit import estimates, is_plausible, settled, without
@@ -128,14 +128,13 @@ class _Validated:
         fit = settled(explanation.fit, base.bandwidth) if names else base
         fits = [base] if len(names) == 1 else in_threads(lambda name: without(fit, name, base.bandwidth), names)
         less = dict(zip(names, fits, strict=True))
-        gains = dict[str, tuple[float, float]]()
-        worse_together = False
-        if names:
-            after = errors_of_many_steps(fit.model, validation)
-            gains = {name: cut(errors_of_many_steps(other.model, validation), after) for name, other in less.items()}
-            worse_together = len(names) > 1 and predicts_worse(base, fit, validation)
-        against = in_threads(lambda name: _rejection(less[name], fit, validation, gains[name]), names)
+        several = in_threads(lambda name: _gain_of_several_steps(less[name], fit, validation), names)
+        against = in_threads(lambda k: _rejection(less[names[k]], fit, validation, several[k]), range(len(names)))
         rejections = dict(zip(names, against, strict=True))
+        worse_together = len(names) > 1 and predicts_worse(base, fit, validation)
+        window = scoring_window(base, fit)  # as for the gain of the whole model
+        scored = in_threads(lambda each: squared_errors(validation, each.model, window)[0], [fit, *less.values()])
+        gains = {name: cut(before, scored[0]) for name, before in zip(less, scored[1:], strict=True)}
         return cls(fit=fit, less=less, gains=gains, rejections=rejections, worse_together=worse_together)
 
 
@@ -150,8 +149,12 @@ def errors_of_many_steps(model: ServoModel, validation: Log) -> Array:
 
 def predicts_worse(less: Fit, fit: Fit, validation: Log) -> bool:
     """Whether a fit predicts validation data significantly worse than the fit of a smaller model."""
-    before, after = (errors_of_many_steps(each.model, validation) for each in (less, fit))
-    return _rejection(less, fit, validation, cut(before, after)).worse > 0.0
+    return _rejection(less, fit, validation, _gain_of_several_steps(less, fit, validation)).worse > 0.0
+
+
+def _gain_of_several_steps(less: Fit, fit: Fit, validation: Log) -> tuple[float, float]:
+    """Relative reduction of the error of multi-step prediction by a fit, and its standard error."""
+    return cut(*(errors_of_many_steps(each.model, validation) for each in (less, fit)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

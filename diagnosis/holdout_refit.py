@@ -67,8 +67,29 @@ def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]
     if not np.isfinite(best.equations.cost) or not (best := problem.ended(best, fit.bandwidth)).converged:
         return ()
     other = fit_with_errors(problem, fit.bandwidth, best, best.evaluations)
-    found = (_compared(a, b) for a, b in zip(fit.parameters, other.parameters, strict=True))
-    return tuple(opinion for opinion in found if opinion is not None)
+    compared = (_compared(a, b) for a, b in zip(fit.parameters, other.parameters, strict=True))
+    found = [opinion for opinion in compared if opinion is not None]
+    return tuple(replace(each, much=each.much and _rules_out(other, each, instants)) for each in found)
+
+
+def _rules_out(other: Fit, difference: HoldoutDifference, instants: list[str]) -> bool:
+    """Whether the validation data exclude the fitted value of a parameter, by the likelihood with it.
+
+    A standard error describes the likelihood near its maximum only. Far from there it may be flat, as that of a
+    stiffness is from which the load has slipped.
+
+    Args:
+        other: the fit to the validation data.
+        difference: of the parameter.
+        instants: parameters that these data do not have.
+    """
+    values = dict(zip(other.model.names, other.model.values.tolist(), strict=True))
+    values[difference.parameter] = difference.value
+    model = other.model.with_values(list(values.values()))
+    problem = Problem.of(other.log, model, fixed=[*instants, difference.parameter], known=other.known)
+    held = problem.minimise(problem.pack(model.values, other.initial), other.bandwidth, 0.0)
+    lost = other.log_likelihood - fit_with_errors(problem, other.bandwidth, held, held.evaluations).log_likelihood
+    return not 2.0 * lost < _APART**2
 
 
 def contradiction(

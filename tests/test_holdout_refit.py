@@ -14,7 +14,7 @@ from identification.fit import fit
 from identification.fit_result import FittedParameter
 from identification.log import Log
 from plant import ServoModel
-from plant.effects import Cogging, CoulombFriction, PayloadChange
+from plant.effects import Cogging, CoulombFriction, PayloadChange, PreslidingHysteresis
 
 
 def log_of(machine: Machine, seed: int, duration: float = 20.0) -> Log:
@@ -64,10 +64,24 @@ def test_no_effect_is_sure_that_needs_very_different_values():
     assert (same.verdict, same.contradicted) == ("named", None)
     assert same.causes[0].probability > 0.9
     assert not any("validation data" in warning and "alone" in warning for warning in same.warnings)
+    whole = 1.0 - same.gain.held_out_rms_after / same.gain.held_out_rms_before
+    assert same.causes[0].gain == pytest.approx(whole)  # there is no other cause, and one measure of it
     assert (other.verdict != "named", other.causes[0].probability) == (True, 0.9)
     assert "the validation data contradict the model" in str(other).splitlines()[0]
     assert any("no effect is sure" in each and "coulomb friction: torque 0.47" in each for each in other.warnings)
     np.testing.assert_array_equal(same.model.values, other.model.values)
+
+
+def test_a_flat_likelihood_excludes_no_value():
+    """Once the load has slipped, a stiffness matters little: 0.02 +- 0.012 N m/rad is not much less likely than 0.1."""
+    machine = Machine().hiding(presliding_hysteresis={"torque": 0.00366, "stiffness": 0.0987})
+    model = ServoModel.paper().with_effect(PreslidingHysteresis(torque=0.00366, stiffness=0.1))
+    found = fit(record(machine, excitation(102000, duration=30.0), seed=51000, noise=1e-3).log(), model)
+    other = record(machine, excitation(102001, duration=15.0), seed=51001, noise=1e-3).log()
+    (difference,) = holdout_differences(found, other)
+    assert difference.parameter == "presliding_hysteresis.stiffness"
+    assert abs(difference.held_out_value - difference.value) > 0.5 * difference.value
+    assert not difference.much
 
 
 def test_a_sure_effect_that_harms_validation_contradicts():
