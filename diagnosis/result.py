@@ -40,8 +40,8 @@ class Cause:
         parameters: estimates by parameter name.
         share: of the power of the residual torque without it that it explains, 0 to 1 [-].
         rms: of the torque that it explains along the measured motion [N m].
-        gain, gain_std: relative reduction of the validation error by the effect [-], from simulations like those for the
-            gain of the whole model, and its standard error.
+        gain, gain_std: relative reduction of the validation error by the effect [-], from simulations like those of the
+            whole model's gain, and its standard error.
         log_bayes: log marginal likelihood of the best set with it less that of the best set without it.
     """
 
