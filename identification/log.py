@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 
 from identification.checked_runs import checked_runs
 from identification.errors import MalformedLog, UnusableLog
+from identification.log_columns import ALIASES, COLUMNS
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
 from identification.reading.formats.frames import columns_of
-from identification.reading.reading_options import ALIASES, COLUMNS, How, Reading
+from identification.reading.reading_options import How, Reading
 from identification.reading.recognition import joined_if_needed
 from identification.reading.table import Table, table_of
 from identification.recording import Recording, Response, counted

@@ -22,7 +22,7 @@ from typing import TypeVar
 import numpy as np
 
 from identification.checks.filtered_motion import DOUBTFUL, SURE, Products, View, over_runs, undisputed, views
-from identification.reading.reading_options import CURRENTS_OF_TWO, SINGLE_COMMANDS, TORQUES_OF_TWO
+from identification.log_columns import CURRENTS_OF_TWO, SINGLE_COMMANDS, TORQUES_OF_TWO
 from identification.recording import Array, Finding, Recording
 
 Given = TypeVar("Given")

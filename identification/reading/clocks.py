@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.checks.timing import GAP
 from identification.errors import MalformedLog
-from identification.reading.reading_options import COMMANDS
+from identification.log_columns import COMMANDS
 from identification.reading.runs import labels_of
 from identification.reading.table import Table
 from identification.recording import Array

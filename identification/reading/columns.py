@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+from identification.log_columns import COMMANDS
 from identification.reading.cell_values import numbers_of
 from identification.reading.clocks import on_one_clock
 from identification.reading.command import Command, command_of, with_motor_torques
 from identification.reading.headings import heading
 from identification.reading.inventory import refuse_missing
 from identification.reading.joints import select_joint
-from identification.reading.reading_options import COMMANDS, Reading
+from identification.reading.reading_options import Reading
 from identification.reading.recognition import Recognition, recognise
 from identification.reading.runs import labels_of, split_runs
 from identification.reading.sign_bit import signed

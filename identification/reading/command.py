@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.errors import MalformedLog
-from identification.reading.reading_options import CURRENTS_OF_TWO, TORQUES_OF_TWO, Reading
+from identification.log_columns import CURRENTS_OF_TWO, TORQUES_OF_TWO
+from identification.reading.reading_options import Reading
 from identification.recording import Array
 from plant.errors import BadParameter
 

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MissingColumns
+from identification.log_columns import COMMANDS, RESPONSES
 from identification.reading.headings import heading
 from identification.reading.joints import possible_joints
-from identification.reading.reading_options import COMMANDS, Reading
-from identification.reading.recognition import RESPONSES, Recognition, missing
+from identification.reading.reading_options import Reading
+from identification.reading.recognition import Recognition, missing
 from identification.reading.table import Table
 from identification.reading.units import si_unit
 

@@ -16,25 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.reading.cia402 import find_objects
-from identification.reading.column_meaning import AMONG_OTHERS, COMMANDED, OWN, SYNONYM, Meaning, meaning
-from identification.reading.headings import heading
-from identification.reading.join import has_clock, join_rows, join_tables, qualified
-from identification.reading.reading_options import (
+from identification.log_columns import (
     ALIASES,
     COLUMNS,
     COMMANDS,
     CURRENTS_OF_TWO,
+    RESPONSES,
     SINGLE_COMMANDS,
     TORQUES_OF_TWO,
-    Reading,
 )
+from identification.reading.cia402 import find_objects
+from identification.reading.column_meaning import AMONG_OTHERS, COMMANDED, OWN, SYNONYM, Meaning, meaning
+from identification.reading.headings import heading
+from identification.reading.join import has_clock, join_rows, join_tables, qualified
+from identification.reading.reading_options import Reading
 from identification.reading.table import Table
 from identification.reading.units import kind_of
 
 _PAIRS = (TORQUES_OF_TWO, CURRENTS_OF_TWO)
 _OF_TWO = frozenset((*TORQUES_OF_TWO, *CURRENTS_OF_TWO))
-RESPONSES = ("angle", "position", "velocity")
 AS_GIVEN = "as given"
 _OPTIONAL = ("velocity", "run")  # used only if their name has no other meaning
 
