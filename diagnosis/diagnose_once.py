@@ -237,8 +237,9 @@ def _unknown(found: Tenable, judgement: Judgement, missing: ResidualTorque) -> U
 
 
 def _minor(found: Tenable, name: str, probability: float) -> Minor:
-    rms, share = torque_of(_holder(found, name), name)
-    return Minor(effect=name, probability=probability, share=share, rms=rms)
+    fit = _holder(found, name)
+    rms, share = torque_of(fit, name)
+    return Minor(effect=name, probability=probability, share=share, rms=rms, parameters=estimates(fit, name))
 
 
 def _holder(found: Tenable, name: str) -> Fit:

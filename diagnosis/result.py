@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -64,6 +64,7 @@ class Minor:
     probability: float
     share: float
     rms: float
+    parameters: Mapping[str, Estimate] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -239,9 +240,7 @@ class Findings:
                     "effect": cause.effect,
                     "probability": cause.probability,
                     "alternatives": [{"effect": name, "probability": p} for name, p in cause.alternatives],
-                    "parameters": {
-                        name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in cause.parameters.items()
-                    },
+                    "parameters": _numbers(cause.parameters),
                     "share": cause.share,
                     "rms": cause.rms,
                     "gain": cause.gain,
@@ -249,7 +248,14 @@ class Findings:
                 for cause in self.causes
             ],
             "minor": [
-                {"effect": m.effect, "probability": m.probability, "share": m.share, "rms": m.rms} for m in self.minor
+                {
+                    "effect": each.effect,
+                    "probability": each.probability,
+                    "parameters": _numbers(each.parameters),
+                    "share": each.share,
+                    "rms": each.rms,
+                }
+                for each in self.minor
             ],
             "sets": [
                 {"effects": list(s.effects), "unknown": list(s.unknown), "probability": s.probability}
@@ -284,3 +290,7 @@ class Findings:
             "data": {"warnings": list(self.warnings), "read_as": self.read_as},
             "separating_experiment": None,
         }
+
+
+def _numbers(parameters: Mapping[str, Estimate]) -> dict[str, dict[str, Any]]:
+    return {name: {"value": each.value, "std": each.std, "unit": each.unit} for name, each in parameters.items()}

@@ -19,7 +19,7 @@ from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.evidence.sizes import Sizes
 from diagnosis.motion import motion_of
-from diagnosis.result import Minor
+from diagnosis.result import Estimate, Minor
 from diagnosis.verdict import judged
 from identification.fit import fit
 from identification.problem import Problem
@@ -177,6 +177,10 @@ def test_minor_effects_are_reported_as_such() -> None:
     small = Minor(effect="cogging", probability=0.4, share=0.01, rms=0.002)
     reported = str(replace(friction_alone(), minor=(small,)))
     assert "Minor: cogging (0.002 N m rms), no larger than the unexplained torque" in reported
+    sized = replace(small, parameters={"amplitude": Estimate(value=0.003, std=0.0004, unit="N m")})
+    reported = replace(friction_alone(), minor=(sized,))
+    assert "Minor: cogging (amplitude 0.0030 ± 0.0004 N m; 0.002 N m rms), no larger" in str(reported)
+    assert reported.to_dict()["minor"][0]["parameters"] == {"amplitude": {"value": 0.003, "std": 0.0004, "unit": "N m"}}
     assert "Minor" not in str(friction_alone())
 
 

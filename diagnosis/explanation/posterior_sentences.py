@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from diagnosis.explanation.wording import joined_words, measured, percent, title_of, torque_or_force
+from diagnosis.explanation.wording import joined_words, measured, percent, size, title_of, torque_or_force
 from diagnosis.levels import SURE
 from diagnosis.result import EffectSet, Findings
 from plant.effects.nonparametric import unnamed
@@ -70,10 +70,11 @@ def _either_or(diagnosis: Findings, settled: set[str]) -> list[str]:
 def _minor(diagnosis: Findings) -> list[str]:
     """The minor effects, in one sentence."""
     unit = diagnosis.residual_before.unit
-    items = [
-        f"{title_of(each.effect, diagnosis)}{f' ({measured(each.rms, None, unit)} rms)' if each.rms else ''}"
-        for each in diagnosis.minor
-    ]
+    items = []
+    for each in diagnosis.minor:
+        torque = [f"{measured(each.rms, None, unit)} rms"] if each.rms else []
+        sizes = "; ".join(filter(None, (size(each.parameters.items()), *torque)))
+        items.append(f"{title_of(each.effect, diagnosis)}{f' ({sizes})' if sizes else ''}")
     if not items:
         return []
     acts = torque_or_force(unit)
