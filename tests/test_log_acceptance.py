@@ -68,6 +68,33 @@ def test_a_torque_that_only_brakes_is_warned_of_and_not_refused():
     assert any("opposes the motion almost all the time" in text for text in log.warnings)
 
 
+def chattering(seed: int) -> dict[str, np.ndarray]:
+    """A pendulum under torques that the log lacks; its controller chatters in bursts, logged half a period late."""
+    rng, count, period = np.random.default_rng(seed), 8000, 8
+    sample = np.arange(count)
+    bursts = np.repeat(rng.random(count // 100) > 0.5, 100)
+    chatter = np.sin(2 * np.pi * sample / period) * bursts
+    slow = 0.05 * np.repeat(rng.uniform(-1, 1, count // 80 + 1), 80)[:count]
+    places = np.arange(0, count + 50, 50)
+    unlogged = 0.5 * np.interp(sample, places, rng.standard_normal(len(places)))
+    x, v, angle = 1.0, 0.0, np.empty(count)
+    for k, torque in enumerate((slow + chatter + unlogged).tolist()):
+        angle[k] = x
+        for _ in range(10):
+            v += (torque - 1.25 * np.sin(x) - 0.02 * v) / 0.0626 * 5e-4
+            x += v * 5e-4
+    return {
+        "time": 0.005 * sample,
+        "torque": slow + np.roll(chatter, period // 2),
+        "angle": 0.003 * np.round(angle / 0.003),
+    }
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_a_torque_that_hardly_drives_the_load_has_no_wrong_sign(seed):
+    assert Log.from_arrays(**chattering(seed)).faults == ()
+
+
 def test_an_angle_in_counts_is_no_angle_in_radians():
     log = columns()
     counts = np.round(log["angle"] * 4096 / (2 * np.pi))
