@@ -311,7 +311,7 @@ def window_of(truth: Fit) -> float | None:
 
 def held_out_errors(fits: list[Fit], log: Log, window: float | None) -> list[float]:
     """RMS errors of free simulations of the validation run [rad], restarted after each window [s]."""
-    return [float(np.sqrt(np.mean(squared_errors(log, found.model, window)[0]))) for found in fits]
+    return [float(np.sqrt(np.mean(squared_errors(log, found.model, window, found.bandwidth)[0]))) for found in fits]
 
 
 def one(key: Key) -> dict[str, Any]:

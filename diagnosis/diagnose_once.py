@@ -117,7 +117,7 @@ def diagnose_once(
     something = judgement.verdict == "named" and most and beside.something > SURE
     differences = holdout_differences(final, held_out)
     sure = [name for name, p in judgement.causes.items() if p > SURE]
-    contradicted = contradiction(sure, found.gains, differences)
+    contradicted = contradiction(sure, [found.gains, found.several_steps], differences)
     judgement = judgement if contradicted is None else doubted(judgement)
     logs = recorded if inverse else (null.log, held_out)
     torque_error = inverse_errors(*logs, null.model, final.model)

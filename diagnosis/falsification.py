@@ -44,6 +44,7 @@ class Tenable:
             empty.
         without: for each effect of the leading set, the model without it, fitted again.
         gains: for each of these effects, relative reduction of the validation error by it, and its standard error.
+        several_steps: the same of the error of multi-step prediction.
         falsified: for each effect that is ruled out, the reason.
         lost: log Bayes factor of the most probable set of all over the most probable one that is not ruled out.
         likeliest: effects of the most probable set of all.
@@ -53,6 +54,7 @@ class Tenable:
     fit: Fit
     without: Mapping[str, Fit]
     gains: Mapping[str, tuple[float, float]]
+    several_steps: Mapping[str, tuple[float, float]]
     falsified: Mapping[str, str]
     lost: float
     likeliest: frozenset[str]
@@ -97,6 +99,7 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
         fit=here.fit,
         without=here.less,
         gains=here.gains,
+        several_steps=here.several_steps,
         falsified=falsified,
         lost=first.log_marginal - posterior.sets[0].log_marginal,
         likeliest=first.names,
@@ -110,7 +113,7 @@ class _Validated:
     Attributes:
         fit: of the set, with the observer that it needs without a discrepancy.
         less: for each effect the model without it, fitted again.
-        gains: of each effect, as in `Tenable`.
+        gains, several_steps: of each effect, as in `Tenable`.
         rejections: evidence of the validation data against each effect.
         worse_together: whether the prediction is significantly worse with the set than with the base model.
     """
@@ -118,6 +121,7 @@ class _Validated:
     fit: Fit
     less: Mapping[str, Fit]
     gains: Mapping[str, tuple[float, float]]
+    several_steps: Mapping[str, tuple[float, float]]
     rejections: Mapping[str, _Rejection]
     worse_together: bool
 
@@ -128,14 +132,19 @@ class _Validated:
         fit = settled(explanation.fit, base.bandwidth) if names else base
         fits = [base] if len(names) == 1 else in_threads(lambda name: without(fit, name, base.bandwidth), names)
         less = dict(zip(names, fits, strict=True))
-        several = in_threads(lambda name: _gain_of_several_steps(less[name], fit, validation), names)
-        against = in_threads(lambda k: _rejection(less[names[k]], fit, validation, several[k]), range(len(names)))
+        gained = in_threads(lambda name: _gain_of_several_steps(less[name], fit, validation), names)
+        several = dict(zip(names, gained, strict=True))
+        against = in_threads(lambda name: _rejection(less[name], fit, validation, several[name]), names)
         rejections = dict(zip(names, against, strict=True))
         worse_together = len(names) > 1 and predicts_worse(base, fit, validation)
         window = scoring_window(base, fit)  # as for the gain of the whole model
-        scored = in_threads(lambda each: squared_errors(validation, each.model, window)[0], [fit, *less.values()])
+        scored = in_threads(
+            lambda each: squared_errors(validation, each.model, window, each.bandwidth)[0], [fit, *less.values()]
+        )
         gains = {name: cut(before, scored[0]) for name, before in zip(less, scored[1:], strict=True)}
-        return cls(fit=fit, less=less, gains=gains, rejections=rejections, worse_together=worse_together)
+        return cls(
+            fit=fit, less=less, gains=gains, several_steps=several, rejections=rejections, worse_together=worse_together
+        )
 
 
 def errors_of_many_steps(model: ServoModel, validation: Log) -> Array:

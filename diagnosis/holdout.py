@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from diagnosis.jackknife import jackknife
 from diagnosis.measured_motion import measurement_noise
 from diagnosis.result import Findings, Gain, Replay, Unexplained
 from identification.fit_result import Fit
-from identification.log import Log
+from identification.log import Log, Run
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.servo import ServoModel
@@ -21,7 +21,7 @@ _SAMPLES = 200  # least number of samples between restarts
 _PIECES = 60  # largest number of windows in the longest run, at any sampling rate
 
 STARTS = 0.2
-"""Share of a window from which the initial state is estimated."""
+"""Share of a window, or of a run without windows, from which the initial state is estimated, at most."""
 
 
 def restart_window(log: Log) -> float:
@@ -46,16 +46,38 @@ def scoring_window(*path: Fit) -> float | None:
     if not (holds or any(run.positioned for run in log.runs)):
         return restart_window(log)
     spread = np.concatenate([(run.measured - run.measured[run.valid].mean())[run.valid] for run in log.runs])
-    squares, _ = squared_errors(log, model, None)
+    squares, _ = squared_errors(log, model, None, path[0].bandwidth)
     return None if float(np.mean(squares)) < float(np.mean(spread**2)) else restart_window(log)
 
 
-def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[Array, list[Array]]:
-    """(T,) squared simulation errors of all valid samples, bounded in case of overflow, and the simulations."""
-    settle = STARTS * (restart_window(log) if window is None else window)
-    simulated = free_simulation(log, model, window=window, settle=settle)
+def squared_errors(
+    log: Log, model: ServoModel, window: float | None, bandwidth: float = np.inf
+) -> tuple[Array, list[Array]]:
+    """(T,) squared simulation errors of all valid samples, bounded in case of overflow, and the simulations.
+
+    Args:
+        log: of the validation data.
+        model: the servo.
+        window: seconds between restarts; None for whole runs.
+        bandwidth: of the observer with which the model was fitted [rad/s], see `_start`.
+    """
+    simulated = list[Array]()
+    for run in log.runs:
+        settle = _start(log, run, bandwidth) if window is None else STARTS * window
+        simulated += free_simulation(replace(log, runs=(run,)), model, window=window, settle=settle)
     errors = np.concatenate([(r.measured - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
     return bounded(errors) ** 2, simulated
+
+
+def _start(log: Log, run: Run, bandwidth: float) -> float:
+    """Seconds from which the initial state of a whole run is estimated: the memory of the model's observer.
+
+    So long the model follows the motion. A short time would not do for a right model: over a long run, its error would
+    be that of the initial velocity.
+    """
+    shortest = STARTS * restart_window(log)
+    memory = 1.0 / bandwidth if bandwidth > 0.0 else np.inf
+    return max(shortest, min(memory, STARTS * run.duration))
 
 
 def bounded(errors: Array) -> Array:
@@ -81,7 +103,7 @@ def cut(before: Array, after: Array) -> tuple[float, float]:
 def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tuple[Replay, ...]]:
     """Gain of the last fit of a path over the first, the squared errors after each step, and the runs replayed."""
     window = scoring_window(*path)
-    scored = [squared_errors(held_out, fit.model, window) for fit in path]
+    scored = [squared_errors(held_out, fit.model, window, fit.bandwidth) for fit in path]
     squares = [square for square, _ in scored]
     gain = Gain(
         held_out_rms_before=float(np.sqrt(np.mean(squares[0]))),

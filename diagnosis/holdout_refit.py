@@ -93,7 +93,9 @@ def _rules_out(other: Fit, difference: HoldoutDifference, instants: list[str]) -
 
 
 def contradiction(
-    sure: Collection[str], gains: Mapping[str, tuple[float, float]], differences: Sequence[HoldoutDifference]
+    sure: Collection[str],
+    gains: Sequence[Mapping[str, tuple[float, float]]],
+    differences: Sequence[HoldoutDifference],
 ) -> str | None:
     """What in the validation data contradicts effects that seem sure; None if nothing does.
 
@@ -102,13 +104,15 @@ def contradiction(
 
     Args:
         sure: names of these effects.
-        gains: reduction of the validation error by each effect, and its standard error.
+        gains: reduction of the validation error by each effect, and its standard error, for each measure of the error.
+            An effect that all of them find harmful contradicts.
         differences: parameters that differ on the validation data.
     """
     different = [str(each) for each in differences if each.much and each.parameter.split(".")[0] in sure]
     if different:
         return f"fitted to the validation data alone, the model has {'; '.join(different)}"
-    harmful = sorted(title_of(name) for name in sure if name in gains and gains[name][0] < 0.0)
+    asked = [name for name in sure if all(name in each for each in gains)]
+    harmful = sorted(title_of(name) for name in asked if all(each[name][0] < 0.0 for each in gains))
     return f"they are predicted better without {joined_words(harmful)}" if harmful else None
 
 

@@ -86,8 +86,10 @@ def test_a_flat_likelihood_excludes_no_value():
 
 def test_a_sure_effect_that_harms_validation_contradicts():
     gains = {"backlash": (-0.01, 0.1), "cogging": (0.5, 0.1)}
-    assert contradiction(["backlash", "cogging"], gains, ()) == "they are predicted better without backlash"
-    assert contradiction(["cogging"], gains, ()) is None  # one that is not sure contradicts nothing
+    assert contradiction(["backlash", "cogging"], [gains], ()) == "they are predicted better without backlash"
+    assert contradiction(["cogging"], [gains], ()) is None  # one that is not sure contradicts nothing
+    several_steps = {**gains, "backlash": (0.2, 0.1)}
+    assert contradiction(["backlash", "cogging"], [gains, several_steps], ()) is None
 
 
 def line(value: float | None, std: float | None, name: str = "viscous_friction") -> FittedParameter:
