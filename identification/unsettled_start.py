@@ -80,6 +80,7 @@ def _promised(free: Objective, values: Array, initial: Array, bandwidth: float) 
     for run, one in enumerate(here):
         columns = np.column_stack([each[run].innovations - one.innovations for each in moved])
         columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0  # a motion that grows without bound
+        columns /= np.maximum(np.abs(columns).max(axis=0), 1e-300)  # the squares of a large motion may overflow
         columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         best = np.linalg.lstsq(columns, one.innovations, rcond=_RANK_TOLERANCE)[0]
         cost += float(np.sum((one.innovations - columns @ best) ** 2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.set_likelihood import SetLikelihood
 from diagnosis.falsification import _squared_innovations
-from identification import fit
+from identification import fit, unsettled_start
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem, first_states
@@ -128,3 +129,17 @@ def test_validation_data_may_begin_in_motion() -> None:
     found = fitted(cut(LAGGED, 0)[0], LAGGED)
     squares = _squared_innovations(cut(LAGGED, 333)[0], found, 1.0)
     assert np.mean(squares[:30]) < 3.0 * np.mean(squares[30:])
+
+
+def test_a_start_from_which_the_motion_explodes_is_no_overflow() -> None:
+    """The squares of its change are beyond the largest number; it explains nothing of the noise."""
+    noise, ramp = np.random.default_rng(0).standard_normal(200), np.linspace(1e180, 1e200, 200)
+
+    def predict(values: np.ndarray, begun: np.ndarray, **_: object) -> list[SimpleNamespace]:
+        moved = float(np.any(begun != 0.0))
+        return [SimpleNamespace(innovations=noise + moved * ramp, states=np.ones((2, 200)) * np.arange(200))]
+
+    predictor = SimpleNamespace(predict=predict, fitted_starts=(0,))
+    free = SimpleNamespace(predictor=predictor, model=SimpleNamespace(states=("angle", "velocity")))
+    cost = unsettled_start._promised(free, np.zeros(1), np.zeros((1, 2)), 0.0)  # type: ignore[arg-type]
+    assert cost == pytest.approx(float(noise @ noise), rel=0.05)
