@@ -465,3 +465,18 @@ def test_a_hoist_that_lowers_its_load_has_its_sign():
     time, angle = driven(lifting, weight=2.0)
     log = Log.from_arrays(time=time, torque=lifting, angle=angle)
     assert not any("size was logged" in text for text in log.warnings)
+
+
+def test_a_set_point_between_the_samples_of_its_angle_is_kept():
+    """Each row has one of both, as a recorder of events writes them."""
+    time = np.arange(0.0, 8.0, 0.00125)
+    goal, angle, speed, position = np.sin(2 * time) + 0.3 * np.sin(5 * time), np.empty(len(time)), 0.0, 0.0
+    for k in range(len(time)):
+        angle[k] = position
+        speed += 0.00125 * (60.0 * (goal[k] - position) - 12.0 * speed)
+        position += 0.00125 * speed
+    seen = np.arange(len(time)) % 4 == 3
+    log = Log.from_arrays(time=time, setpoint=np.where(seen, np.nan, goal), angle=np.where(seen, angle, np.nan))
+    (run,) = log.runs
+    np.testing.assert_allclose(run.setpoint, np.interp(run.time + run.zero, time, goal), atol=0.02)
+    assert not any("not used" in text for text in log.repairs)

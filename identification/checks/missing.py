@@ -63,7 +63,7 @@ def fill_output(recording: Recording) -> Checked:
 
 
 def fill_others(recording: Recording) -> Checked:
-    """Repair optional channels: gaps are interpolated, but a broken channel that is no set-point is dropped."""
+    """Repair optional channels: small gaps are interpolated, a broken channel is dropped."""
     others: dict[str, Array] = {}
     findings = []
     for name, values in recording.others.items():
@@ -73,7 +73,7 @@ def fill_others(recording: Recording) -> Checked:
             continue
         where = recording.where(int(np.flatnonzero(~known)[0]))
         share = f"{counted(int((~known).sum()), 'missing sample')} of '{recording.name(name)}'"
-        if known.mean() >= 0.9 or name == "setpoint":
+        if known.mean() >= 0.9:
             others[name] = bridge(values, known)
             text = f"{where}: {share} interpolated"
         else:

@@ -59,7 +59,10 @@ def on_output_samples(recording: Recording) -> Checked:
         command=between(recording.command),
         servo_gain=between(recording.servo_gain),
         servo_damping=between(recording.servo_damping),
-        others={name: _at(values, places) for name, values in recording.others.items()},
+        others={
+            name: between(values) if name == "setpoint" else _at(values, places)  # like the command that it is
+            for name, values in recording.others.items()
+        },
     )
     return moved, findings
 
