@@ -20,6 +20,7 @@ from diagnosis.explanation.wording import (
     measured,
     on_axis,
     percent,
+    predicted,
     rise,
     size,
     strength,
@@ -76,7 +77,7 @@ def reason_for(diagnosis: Findings, cause: Cause, experiment: Experiment | None)
     if cause.gain_std:
         went = "smaller" if cause.gain >= 0.0 else "larger"
         by = change(cause.gain, cause.gain_std)
-        lines.append(f"On validation data the error of a simulation is {by} {went} with it.")
+        lines.append(f"On validation data the {predicted(diagnosis)} error is {by} {went} with it.")
     if cause.parameters:
         lines.append(f"Its parameters: {size(cause.parameters.items())}.")
     lines += [_over(diagnosis, cause, seen), _along(grown)]
