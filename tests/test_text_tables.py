@@ -101,6 +101,13 @@ def test_numbers_in_the_preamble_are_no_table(tmp_path):
     assert read.notes == ()
 
 
+def test_rows_before_a_further_column_are_no_preamble(tmp_path):
+    """A logger that writes a column more from some row on: its first rows must not be lost without a word."""
+    grown = "".join("0.1,0.2,0.3\n" for _ in range(10)) + rows()
+    with pytest.raises(MalformedLog):
+        table(tmp_path, "time,torque,angle\n" + grown)
+
+
 def test_names_below_the_numbers_of_channels(tmp_path):
     """MR Configurator writes the signals below the channels, and the unit of the time beside them."""
     above = "Axis1\nSampling time interval(ms),5\nTime,Analog 1,Analog 2,Analog 3\n"

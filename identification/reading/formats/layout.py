@@ -91,7 +91,7 @@ def _is_data(cells: list[str]) -> bool:
 def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     """Separator and index of the first line of data: another one is below it; else the text is a single column.
 
-    It has as many cells as most lines of data: a preamble may have lines of numbers too.
+    A preamble may have lines of numbers too, of another width than most, above a line of text.
     """
     begin = _after_header(lines)
     rows_with_text = (
@@ -103,14 +103,14 @@ def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     for separator in _SEPARATORS:
         table = [split(line, separator) for _, line in searched]
         widths = Counter(len(cells) for cells in table if len(cells) > 1 and _is_data(cells))
-        most = max(widths.values(), default=0)
+        usual = max(widths, key=lambda width: widths[width], default=0)
         for k, cells in enumerate(table):
             below = table[k + 1] if k + 1 < len(table) else cells
             if (
                 len(cells) < 2
-                or widths[len(cells)] < most
                 or len(below) != len(cells)
                 or not (_is_data(cells) and _is_data(below))
+                or (len(cells) != usual and _ends_in_text(table[k:]))
             ):
                 continue
             if cells[0] and not _is_value(cells[0]) and _is_value(below[0]):  # names: time, 6064, 6077
@@ -124,6 +124,12 @@ def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
         f"{name}: no table of numbers is found; a log needs one line of column names and then rows of "
         "numbers separated by comma, semicolon, tab or |."
     )
+
+
+def _ends_in_text(table: Sequence[list[str]]) -> bool:
+    """Whether lines of numbers end in a line of text before their width changes: then they are a preamble."""
+    after = next((cells for cells in table if len(cells) != len(table[0]) or not _is_data(cells)), None)
+    return after is not None and not _is_data(after)
 
 
 def _single_column(lines: Sequence[tuple[int, str]]) -> int | None:
