@@ -14,6 +14,7 @@ from test_evidence import FEW as FEW_EFFECTS
 from test_evidence import log_of, with_smooth_torque
 
 from diagnosis import Diagnosis, diagnose
+from diagnosis.diagnose_once import _minor
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior, beside_discrepancy
@@ -171,6 +172,12 @@ def test_the_sets_are_a_distribution_that_agrees_with_the_causes() -> None:
         for cause in found.causes:
             own = sum(each.probability for each in found.sets if cause.effect in each.effects)
             assert own == pytest.approx(cause.probability, abs=0.02)
+
+
+def test_a_minor_effect_has_its_parameters() -> None:
+    found = SimpleNamespace(fit=friction_alone().extended, without={"coulomb_friction": None})
+    small = _minor(found, "coulomb_friction", 0.6)  # type: ignore[arg-type]
+    assert small.parameters["torque"].value == pytest.approx(0.5, rel=0.05)
 
 
 def test_minor_effects_are_reported_as_such() -> None:
